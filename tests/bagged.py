@@ -115,6 +115,8 @@ def message(store: Typestore, message_type: str, stamp_s: float, parts: list[Any
     if name.endswith("MultiArray"):
         layout = make("MultiArrayLayout", dim=[], data_offset=0)
         return make(name, layout=layout, data=np.asarray(parts[0], MULTI[name]))
+    if name == "Touch":
+        return make(name, header=header(store, stamp_s), readings=np.asarray(parts[0], np.float32))
     if name == "String":
         return make(name, data=str(parts))
     raise NotImplementedError(message_type)

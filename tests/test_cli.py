@@ -794,6 +794,13 @@ def test_the_program_stands_a_closed_pipe(tmp_path: Path) -> None:
     assert "BrokenPipe" not in done.stderr
 
 
+@pytest.mark.parametrize("closed", [">&-", ">&- 2>&-"])
+def test_the_program_works_as_a_daemon_whose_streams_are_closed(tmp_path: Path, closed: str) -> None:
+    words = f'sensors schunk-sdh2 --plot "{tmp_path / "a.svg"}"'
+    done = subprocess.run(["bash", "-c", f'"{sys.executable}" -m taxelflow {words} {closed}'], check=False)
+    assert (done.returncode, (tmp_path / "a.svg").is_file()) == (0, True)
+
+
 def test_the_program_writes_to_a_terminal_that_knows_only_ascii() -> None:
     done = program("sensors", "barretthand-162", env={**os.environ, "PYTHONIOENCODING": "ascii"})
     assert (done.returncode, done.stderr) == (0, "")

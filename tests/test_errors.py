@@ -37,7 +37,7 @@ FACTS: dict[str, tuple[object, ...]] = {
     "CalibrationInvalid": (Path("cal.toml"), "it is empty"),
     "CalibrationUnfit": ("sensor 'hand'", "sensor 'foot'"),
     "GainsUnknown": ("the object did not move", "move it"),
-    "EstimatorBroken": ("MySession", 3, 2),
+    "EstimatorBroken": ("MySession", "a list", "step must return Estimates"),
     "PluginBroken": ("estimator", "other", "plug:Other", "plug", RuntimeError("no\nlicence")),
     "RunEnded": (),
     "TruthInvalid": (Path("truth.csv"), "it is empty"),

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import taxelflow
+from bagged import write_bag
 from taxelflow.cli import main
-from taxelflow.errors import NameUnknown, SensorNeeded
+from taxelflow.errors import NameUnknown, PluginBroken, SensorNeeded
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "extending.md").read_text()
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
@@ -64,6 +65,16 @@ def test_the_sensor_is_drawn_and_simulated(capsys: pytest.CaptureFixture[str]) -
     assert taxelflow.read("stroke.npz").sensor.name == "my-palm"
 
 
+def test_a_bag_of_the_packages_message_is_read() -> None:
+    rows = np.arange(20 * 28.0).reshape(20, 28)
+    write_bag(Path("touch.bag"), {"/touch": ("my_msgs/msg/Touch", [[row] for row in rows])})
+    np.testing.assert_array_equal(taxelflow.read("touch.bag", "my-palm").load().values, rows)
+    Path("my_touch/message.py").write_text("TOUCH = 28\n")
+    del sys.modules["my_touch.message"]
+    with pytest.raises(PluginBroken, match=r"cannot import message 'touch' .* it is a int, not a Kind"):
+        taxelflow.read("touch.bag", "my-palm")
+
+
 def test_the_reader_reads_what_was_written(capsys: pytest.CaptureFixture[str]) -> None:
     command("simulate")
     script("try_reader.py")
@@ -73,9 +84,16 @@ def test_the_reader_reads_what_was_written(capsys: pytest.CaptureFixture[str]) -
         taxelflow.read("stroke.raw")
     with Path("stroke.raw").open("ab") as file:
         file.write(b"half")
-    reading = taxelflow.read("stroke.raw", "palm.toml").blocks()
+    reading = taxelflow.read("stroke.raw", "my-palm").blocks()
     assert len(list(reading)) == 1
     assert reading.loss is not None
+
+
+def test_a_reader_that_gives_no_recording_is_named_with_its_package() -> None:
+    Path("my_touch/raw.py").write_text("def open_raw(path, sensor):\n    return [0.0]\n")
+    Path("stroke.raw").write_bytes(b"1")
+    with pytest.raises(PluginBroken, match=r"reader '.raw' from .* gives a list, not a Recording"):
+        taxelflow.read("stroke.raw", "my-palm")
 
 
 def test_the_estimator_reports_the_border_share_of_convolution(capsys: pytest.CaptureFixture[str]) -> None:
@@ -106,3 +124,16 @@ def test_the_score_runs_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
 def test_an_unknown_name_lists_those_of_the_package() -> None:
     with pytest.raises(NameUnknown, match="centroid"):
         taxelflow.estimator("centroids")
+    with pytest.raises(NameUnknown, match="my-palm, a plain grid"):
+        taxelflow.load_sensor("my-plam")
+
+
+def test_the_sensor_of_the_package_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sensors"]) == 0
+    assert "my-palm " in capsys.readouterr().out
+
+
+def test_a_sensor_that_is_none_is_one_line_that_names_the_package() -> None:
+    Path("my_touch/palm.py").write_text("def palm():\n    return 28\n")
+    with pytest.raises(PluginBroken, match=r"'my-palm' from my_touch\.palm:palm .*int, not a .* the package my-touch"):
+        taxelflow.load_sensor("my-palm")

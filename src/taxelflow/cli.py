@@ -7,7 +7,6 @@ evaluation/commands.py.
 from __future__ import annotations
 
 import errno
-import io
 import logging
 import os
 import sys
@@ -44,6 +43,7 @@ from taxelflow.pipeline.live.command import Record, Run
 from taxelflow.pipeline.live.emulators.command import Emulate
 from taxelflow.runtime import registry
 from taxelflow.runtime.exit_codes import BAD_INPUT, INTERRUPTED, PARTLY_DONE
+from taxelflow.runtime.streams import settle_streams
 from taxelflow.simulation.command import Simulate
 from taxelflow.simulation.scenario import SCENARIOS
 
@@ -250,9 +250,7 @@ def _join_lines_of_help() -> None:
 
 def main(args: list[str] | None = None) -> int:
     """Run one command; errors that were foreseen become one line on stderr and exit code 2."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal that lacks a letter shows a mark instead
+    settle_streams()
     logging.basicConfig(format="taxelflow: %(message)s", level=logging.WARNING)
     _join_lines_of_help()
     args = sys.argv[1:] if args is None else args

@@ -44,6 +44,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from difflib import get_close_matches
+from math import isfinite
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ if TYPE_CHECKING:
 
 _MOST_LISTED = 30
 """Names that a message lists at most."""
+_PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z")
+"""Suffixes of files that hold others."""
 _LONGEST = 4000
 """Characters of a message at most: it may quote what a file contains."""
 
@@ -64,7 +67,7 @@ def printable(text: str) -> str:
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """The question after the known name that is most like this one; empty if none is like it."""
-    near = get_close_matches(name.lower(), list(known), n=1)
+    near = get_close_matches(str(name).lower(), list(known), n=1)
     return f"did you mean {near[0]!r}? " if near else ""
 
 
@@ -142,7 +145,8 @@ class FormatUnknown(RecordingError):
     def __init__(self, path: Path, known: Iterable[str], part: str = "reader") -> None:
         seen = f"its suffix is {path.suffix!r}" if path.suffix else "it has no suffix"
         suffixes = [name for name in known if name.startswith(".")]
-        super().__init__(f"no {part} for {path}: {seen}; known are {', '.join(suffixes)}")
+        unpack = "unpack it first; " if path.suffix in _PACKED and part == "reader" else ""
+        super().__init__(f"no {part} for {path}: {seen}; {unpack}known are {', '.join(suffixes)}")
 
 
 class RecordingCorrupt(RecordingError):
@@ -169,6 +173,8 @@ class TaxelCountWrong(RecordingError):
 
     def __init__(self, path: Path | str, seen: int, sensor: str, expected: int, remedy: str = "") -> None:
         """remedy: beside another sensor."""
+        if expected == 3 * seen:
+            remedy = "for readings of one axis give a sensor file without axes = 3"
         super().__init__(
             f"{path} has {seen} taxels per scan but sensor {sensor!r} has {expected}; "
             f"{remedy and f'{remedy}, or '}choose the matching sensor with --sensor NAME or --sensor FILE.toml"
@@ -186,10 +192,13 @@ class TimesNotIncreasing(RecordingError):
     """A time stamp is smaller than the previous one, or not finite."""
 
     def __init__(self, path: Path | str, scan: int, before_s: float, t_s: float) -> None:
-        super().__init__(
-            f"times in {path} do not increase: scan {scan} is at {t_s:.6f} s after {before_s:.6f} s; "
+        seen = f"scan {scan} is at {t_s:.6f} s after {before_s:.6f} s"
+        remedy = (
             "sort the recording by time (scans with a repeated stamp are dropped, decreasing stamps are not repaired)"
         )
+        if not isfinite(t_s):
+            seen, remedy = f"scan {scan} has no time ({t_s})", "leave out scans without a finite time"
+        super().__init__(f"times in {path} do not increase: {seen}; {remedy}")
 
 
 class SensorNeeded(RecordingError):
@@ -204,12 +213,16 @@ class SensorNeeded(RecordingError):
 class TopicUnclear(RecordingError):
     """A bag has no suitable topic, or several."""
 
-    def __init__(self, path: Path, seen: str, topics: Iterable[str], option: str = "--topic") -> None:
+    def __init__(
+        self, path: Path, seen: str, topics: Iterable[str], option: str = "--topic", *, remedy: str = ""
+    ) -> None:
+        """remedy: where choosing another topic does not help."""
         names = list(topics)
         more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
         listed = ", ".join(names[:_MOST_LISTED]) + more
-        remedy = f"choose one with {option}: {listed}" if listed else "the bag has no topics: record it again"
-        super().__init__(f"cannot choose a topic of {path}: {seen}; {remedy}")
+        usual = f"choose one with {option}: {listed}" if listed else "the bag has no topics: record it again"
+        does = f"its topics are {listed}; {remedy}" if remedy else usual
+        super().__init__(f"cannot choose a topic of {path}: {seen}; {does}")
 
 
 class SensorFileInvalid(TaxelflowError):
@@ -341,11 +354,8 @@ class ClusterFault(TaxelflowError):
 class EstimatorBroken(TaxelflowError):
     """An estimator's session breaks its protocol."""
 
-    def __init__(self, session: str, rows: int, scans: int) -> None:
-        super().__init__(
-            f"{session} gave estimates of {rows} scans where at most {scans} were waiting; "
-            "its step must give one row per scan, in order, none twice"
-        )
+    def __init__(self, session: str, seen: str, remedy: str) -> None:
+        super().__init__(f"{session} gave {seen}; {remedy}")
 
 
 class RunEnded(TaxelflowError):

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import gzip
+import re
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +109,23 @@ def test_a_log_without_times_has_a_rate_and_that_is_noted(tmp_path: Path) -> Non
         ("# my log\nt_s,a,b\n0,1,2\n", "starts with '# my log'; pass over lines of comments with --columns.skip N", {}),
         ("t_s,a,b\n0,1,2\n", "no column 'stamp': the header starts with 't_s,a,b'", {"time": "stamp"}),
         ("t_s,a,b\n0,1,2\n", "3 taxels per scan but sensor 'plain' has 2", {"rate_hz": 1.0}),
-        ("t_s,a,b\n0,1,left\n", "scan 0: could not convert string to float: 'left'", {}),
+        (
+            "t_s,a,b\n0,1,left\n",
+            "scan 0: column 'b' holds 'left', which is no number; leave the field of a missing",
+            {},
+        ),
+        (
+            't_s,a,b\n0,"0,5","1,5"\n',
+            "column 'a' holds '0,5', which is no number; write numbers with a decimal point",
+            {},
+        ),
+        ("t_s,a,b\n12:34:05.1,1,2\n", "column 't_s' holds '12:34:05.1', which is no time; give times as numbers,", {}),
+        ("t_s,a,b\n2024-05-01,1,2\nnoon,1,2\n", "scan 1: column 't_s' holds 'noon', which is no time; give times", {}),
+        ("0.0,1,2\n0.1,1,2\n", "where it has no header, add --columns.no-header and the time's column, such as", {}),
+        ("0,1,2\n", "give the number of the time's column, such as --columns.time 0, or the rate", {"header": False}),
+        ("Time [ms],a,b\n0,1,2\n", "name the time with --columns.time 'Time [ms]' --columns.time-unit ms", {}),
+        ("n,stamp,a,b\n0,0,1,2\n", "name the time with --columns.time 'stamp'", {}),
+        ("force_a,force_b\n1,2\n", "'force_a,force_b'; a recording has a header row `t_s,", {}),
         (
             "0 1 2\n1 2\n3 4 5\n",
             "scan 1 has 2 columns, the first 3",
@@ -118,7 +136,23 @@ def test_a_log_without_times_has_a_rate_and_that_is_noted(tmp_path: Path) -> Non
 def test_what_does_not_fit_is_refused_with_what_was_found(
     tmp_path: Path, text: str, match: str, asked: dict[str, Any]
 ) -> None:
-    refused(tmp_path, text, match.replace("*", r"\*"), **asked)
+    refused(tmp_path, text, re.escape(match), **asked)
+
+
+def test_columns_and_files_may_be_given_as_python_has_them(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("0\n1\n")
+    text, numbered = "0.0,1,2\n0.1,3,4\n", Columns(time=0, header=False)  # type: ignore[arg-type]
+    (tmp_path / "a.csv").write_text(text)
+    assert open_csv(tmp_path / "a.csv", plain(2), numbered).load().t_s.tolist() == [0.0, 0.1]
+    apart = Columns(times=str(tmp_path / "t.txt"), header=False, taxels=("1-2",))  # type: ignore[arg-type]
+    assert open_csv(tmp_path / "a.csv", plain(2), apart).load().t_s.tolist() == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, lambda text: text.decode().encode("utf-16")], ids=["gzip", "utf-16"])
+def test_a_file_that_is_no_text_is_named_as_that(tmp_path: Path, pack: Any) -> None:
+    (tmp_path / "a.csv").write_bytes(pack(b"t_s,a,b\n0,1,2\n" * 20))
+    with pytest.raises(RecordingCorrupt, match=r"it is no text in UTF-8: unpack it .gunzip. or convert it .iconv"):
+        open_csv(tmp_path / "a.csv", plain(2))
 
 
 def test_a_cut_last_scan_of_several_rows_is_a_loss(tmp_path: Path) -> None:
@@ -138,9 +172,18 @@ def test_a_mapping_may_stand_in_a_file_and_what_is_given_beside_it_comes_first(t
     assert raw.values.tolist() == [[3]]
 
 
+def test_a_mapping_in_a_file_may_name_a_file_beside_it_and_a_column_by_number(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("7\n")
+    (tmp_path / "log.toml").write_text('times = "t.txt"\ntaxels = ["a"]\n')
+    assert read(tmp_path, "n,a\n5,1\n", 1, file=tmp_path / "log.toml").t_s.tolist() == [7]
+    (tmp_path / "log.toml").write_text("time = 1\n")
+    assert read(tmp_path, "a,ms\n5,8\n", 1, file=tmp_path / "log.toml").t_s.tolist() == [8]
+
+
 @pytest.mark.parametrize(
     ("text", "match"),
     [
+        ("times = 3", "a path is text, not 3"),
         ("tiem = 1", "must have only the fields time, time_unit, times, rate_hz.*tiem"),
         ("time_unit = 'h'", "columns.file must be a readable TOML file: Invalid enum value 'h'"),
         ("time = ", "columns.file must be a readable TOML file"),
@@ -162,6 +205,9 @@ def test_a_broken_mapping_is_refused(tmp_path: Path, text: str, match: str) -> N
         ({"skip": -1}, "columns.skip must be at least 0"),
         ({"rows_per_scan": 0}, "columns.rows_per_scan must be at least 1"),
         ({"rows_per_scan": 2}, "add --columns.no-header"),
+        ({"taxels": "p*"}, r"columns.taxels must be a tuple of patterns, such as \('p\*',\)"),
+        ({"time_unit": "sec"}, "columns.time_unit must be one of s, ms, us, ns"),
+        ({"order": "nmber"}, "columns.order must be one of file, number"),
         ({"delimiter": "::"}, r"columns.delimiter must be one character, tab or space \(got '::'\)"),
     ],
 )

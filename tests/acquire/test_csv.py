@@ -69,7 +69,7 @@ def test_a_long_file_comes_in_blocks_and_twice_the_same(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.load().values[:, 0], np.arange(2100))
 
 
-@pytest.mark.parametrize("text", ["", "time,a,b,c\n0,1,2,3\n", "0,1,2,3\n1,1,2,3\n", "\n\n"])
+@pytest.mark.parametrize("text", ["", "a,b,c\n1,2,3\n", "\n\n"])
 def test_a_wrong_header_is_shown_with_the_right_one(tmp_path: Path, text: str) -> None:
     with pytest.raises(RecordingCorrupt, match=r"the header starts with .*a header row `t_s,"):
         open_csv(write(tmp_path / "a.csv", text), SENSOR)
@@ -125,7 +125,7 @@ def test_a_header_alone_is_corrupt(tmp_path: Path) -> None:
 
 
 def test_a_missing_time_is_an_error_about_times(tmp_path: Path) -> None:
-    with pytest.raises(TimesNotIncreasing, match="scan 1 "):
+    with pytest.raises(TimesNotIncreasing, match=r"scan 1 has no time .nan.; leave out scans"):
         read_csv(tmp_path, HEADER + "0,1,2,3\n,1,2,3\n")
 
 

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import h5py
+import msgspec
 import numpy as np
 import pytest
 
@@ -44,6 +46,31 @@ def test_the_time_may_be_a_column_or_in_a_file(tmp_path: Path) -> None:
         np.testing.assert_array_equal(scans.values, VALUES[:20].reshape(20, 6))
 
 
+@pytest.mark.parametrize("suffix", [".npz", ".npy", ".h5"])
+def test_an_image_is_what_the_sensor_sent_whatever_the_file(tmp_path: Path, suffix: str) -> None:
+    pad = msgspec.structs.replace(SENSOR.pads[0], order="column-major", first="bottom-left")
+    sensor = msgspec.structs.replace(SENSOR, pads=(pad,), offset=255.0, polarity=-1)
+    t_s, images = np.arange(20) / 100, VALUES[:20].reshape(20, 2, 3)
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".npz":
+        np.savez(path, t=t_s, pressure=images)
+    elif suffix == ".npy":
+        np.save(path, images)
+    else:
+        with h5py.File(path, "w") as file:
+            file["t"], file["pressure"] = t_s, images
+    scans = read(path, sensor, columns=RATE if suffix == ".npy" else None).load()
+    np.testing.assert_array_equal(scans.values, 255.0 - images.reshape(20, 6))
+
+
+def test_an_image_of_another_shape_is_refused(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", VALUES.reshape(2500, 3, 2))
+    with pytest.raises(RecordingCorrupt, match=r"its scans have shape \(3, 2\), and the grid of sensor grid \(2, 3\)"):
+        read(tmp_path / "a.npy", SENSOR, columns=RATE)
+    np.save(tmp_path / "b.npy", VALUES.reshape(2500, 6, 1))
+    assert read(tmp_path / "b.npy", SENSOR, columns=RATE).scans == 2500
+
+
 def test_it_converts(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", VALUES)
     convert(read(tmp_path / "a.npy", SENSOR, columns=RATE), tmp_path / "a.npz")
@@ -69,6 +96,9 @@ def test_what_is_no_scans_is_refused(tmp_path: Path, array: Any, seen: str) -> N
 def test_objects_are_not_loaded_and_a_cut_file_is_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.array([object()]), allow_pickle=True)
     with pytest.raises(RecordingCorrupt):
+        read(tmp_path / "a.npy", SENSOR, columns=RATE)
+    (tmp_path / "a.npy").write_text("0.0,1,2,3,4,5,6\n")
+    with pytest.raises(RecordingCorrupt, match="the magic string is not correct"):
         read(tmp_path / "a.npy", SENSOR, columns=RATE)
     np.save(tmp_path / "b.npy", VALUES)
     (tmp_path / "b.npy").write_bytes((tmp_path / "b.npy").read_bytes()[:-10])

@@ -129,6 +129,14 @@ def test_scans_may_be_images_of_a_full_grid(tmp_path: Path, order: str, memory: 
     np.testing.assert_array_equal(sent.values, sensor.channel_map.to_source(values))
 
 
+def test_three_numbers_of_each_taxel_may_have_an_axis(tmp_path: Path) -> None:
+    sensor, numbers = grid_sensor(2, 3, axes=3, normal="z"), np.random.default_rng(0).random((40, 6, 3))
+    np.savez(tmp_path / "a.npz", t=times(40), pressure=numbers)
+    np.testing.assert_array_equal(open_npz(tmp_path / "a.npz", sensor).load().values, numbers[..., 2])
+    with pytest.raises(TaxelCountWrong, match="for readings of one axis give a sensor file without axes = 3"):
+        open_npz(save(tmp_path / "b.npz", pressure=np.zeros((5, 6))), sensor)
+
+
 @pytest.mark.parametrize(
     ("sensor", "shape"),
     [(SENSOR, (5, 3, 2)), (grid_sensor(2, 3, pads=2), (5, 2, 3)), (grid_sensor(2, 3, missing=((0, 1),)), (5, 2, 3))],

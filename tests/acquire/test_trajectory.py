@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def test_a_trajectory_is_times_and_places(tmp_path: Path, first: str) -> None:
     path = tmp_path / "truth.csv"
     path.write_text(first + "\n0,1,2\n0.5,3,4\n", encoding="utf-8")
-    found = read_trajectory(path)
+    found = read_trajectory(str(path))
     np.testing.assert_array_equal(found.t_s, [0, 0.5])
     np.testing.assert_array_equal(found.place_m, [[1, 2], [3, 4]])
 

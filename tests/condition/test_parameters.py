@@ -32,6 +32,7 @@ from taxelflow.errors import ParameterInvalid
         ({"lowpass_hz": float("nan")}, "lowpass_hz must be a frequency in Hz, or 0 for no filter (got nan)"),
         ({"median_scans": 0}, "median_scans must be an odd number of scans from 1 to 99 (got 0)"),
         ({"median_scans": 4}, "median_scans must be an odd number of scans from 1 to 99 (got 4)"),
+        ({"median_scans": 2.5}, "median_scans must be an odd number of scans from 1 to 99 (got 2.5)"),
         ({"median_scans": 101}, "median_scans must be an odd number of scans from 1 to 99 (got 101)"),
     ],
     ids=str,

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -62,6 +63,30 @@ def test_an_estimator_that_gives_more_rows_than_scans_is_named() -> None:
 
     session = SlipsSession(Twice(), PALM.layout)  # type: ignore[arg-type]
     with pytest.raises(EstimatorBroken, match=r"Twice gave estimates of 10 scans where at most 5 were waiting"):
+        session.step(scans_of(5))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda _: None, r"Odd gave a NoneType; step and finish must return Estimates.unknown"),
+        (
+            lambda one: replace(one, pose=one.pose[..., :2]),
+            r"Odd gave pose of shape \(5, 1, 2\); it must be \(5, 1, 3\)",
+        ),
+        (lambda one: replace(one, span_s=one.span_s[:, 0]), r"Odd gave span_s of shape \(5,\); it must be \(5, 1\)"),
+    ],
+    ids=["none", "two of three", "no pads"],
+)
+def test_estimates_of_another_shape_are_refused(change: Any, says: str) -> None:
+    class Odd:
+        finish = None
+
+        def step(self, scans: Scans) -> Any:
+            return change(Estimates.unknown(scans))
+
+    session = SlipsSession(Odd(), PALM.layout)  # type: ignore[arg-type]
+    with pytest.raises(EstimatorBroken, match=says):
         session.step(scans_of(5))
 
 

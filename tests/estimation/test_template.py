@@ -337,6 +337,12 @@ def test_a_window_out_of_range_is_refused(scans: int) -> None:
         api.estimator("template", window_scans=scans)
 
 
+@pytest.mark.parametrize("latency_s", [-0.1, float("nan"), float("inf")])
+def test_a_latency_that_cannot_be_is_refused(latency_s: float) -> None:
+    with pytest.raises(ParameterInvalid, match="latency_s must be a finite time, 0 s or more"):
+        api.estimator("template", latency_s=latency_s)
+
+
 def shaped(slips: Slips, scans: int) -> Slips:
     assert slips.pose.shape == slips.displacement.shape == (scans, 1, 3)
     assert slips.covariance.shape == slips.displacement_covariance.shape == (scans, 1, 3, 3)

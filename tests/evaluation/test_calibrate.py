@@ -19,7 +19,7 @@ from taxelflow.evaluation.calibrate import calibrate, edge_reach
 from taxelflow.messages import cut, joined
 from taxelflow.numerics.geometry import inverse_transform
 from taxelflow.runtime import registry
-from taxelflow.sensors.calibration import PadCalibration
+from taxelflow.sensors.calibration import PadCalibration, load_calibration
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import save, simulate
 
@@ -162,6 +162,7 @@ def test_the_command_writes_what_estimate_takes(tmp_path: Path, capsys: pytest.C
     arguments = ["calibrate", str(recording), "--truth", str(log), "--out", str(cal), "--pad", "palm"]
     assert main(arguments) == 0
     assert "mm per index" in capsys.readouterr().out
+    assert load_calibration(cal) == calibrate(str(recording), log, pad="palm")
     assert main(["estimate", str(recording), "--out", str(out), "--calibration", str(cal)]) == 0
     assert '"gain_x": 1.0' in (out / "summary.json").read_text()
     lnorm = ["estimate", str(recording), "--out", str(out), "--calibration", str(cal), "--method", "lnorm"]

@@ -22,6 +22,7 @@ from taxelflow.errors import (
     SensorNeeded,
     TaxelflowError,
 )
+from taxelflow.estimation.centroid.lnorm import LNorm
 from taxelflow.messages import cut, joined
 from taxelflow.pipeline import api
 
@@ -160,6 +161,7 @@ def test_a_sensor_may_be_given_as_name_file_or_object(tmp_path: Path) -> None:
     assert api.read(path, "barretthand-162").sensor.name == "barretthand-162"
     assert api.read(path, toml).sensor.name == api.read(path, str(toml)).sensor.name == "mine"
     assert api.read(path, grid_sensor(9, 18)).sensor.name == "grid"
+    assert taxelflow.load_sensor(toml) == taxelflow.load_sensor(str(toml))
 
 
 def test_suffixes_are_known_in_any_case(tmp_path: Path) -> None:
@@ -177,6 +179,9 @@ def test_what_cannot_be_read_is_refused_with_the_reason(tmp_path: Path) -> None:
         (tmp_path / name).write_text("")
         with pytest.raises(FormatUnknown, match=r"known are \.npz, \.csv, \.dsa"):
             api.read(tmp_path / name)
+    (tmp_path / "scans.csv.gz").write_bytes(b"")
+    with pytest.raises(FormatUnknown, match=r"its suffix is '.gz'; unpack it first; known are"):
+        api.read(tmp_path / "scans.csv.gz")
     (tmp_path / "scans.csv").write_text("t_s,a\n0,1\n")
     with pytest.raises(SensorNeeded):
         api.read(tmp_path / "scans.csv")
@@ -190,6 +195,11 @@ def test_what_cannot_be_read_is_refused_with_the_reason(tmp_path: Path) -> None:
         ({"gain": 0.0}, ParameterInvalid),
         ({"gain": "large"}, ParameterInvalid),
         ({"sharpness": 1.0}, ParameterInvalid),
+        ({"method": None}, ParameterInvalid),
+        ({"method": LNorm}, ParameterInvalid),
+        ({"condition": {"tare": "start"}}, ParameterInvalid),
+        ({"smooth": 1.0}, ParameterInvalid),
+        ({"contacts": 2.5}, ParameterInvalid),
     ],
     ids=str,
 )
@@ -198,6 +208,11 @@ def test_wrong_arguments_are_foreseen_errors(
 ) -> None:
     with pytest.raises(error):
         api.estimate(stroke, **arguments)  # type: ignore[arg-type]
+
+
+def test_an_unknown_parameter_comes_with_those_that_are_known() -> None:
+    with pytest.raises(ParameterInvalid, match=r"parameters of lnorm must be among gain.* \(got 'gian'\)"):
+        api.estimator("lnorm", gian=1.0)
 
 
 def test_a_truncated_recording_gives_a_result_that_reports_the_loss(tmp_path: Path) -> None:

@@ -46,6 +46,11 @@ def test_arrays_become_a_recording() -> None:
     np.testing.assert_array_equal(in_grid.load().values, moving())
 
 
+def test_a_masked_element_is_a_missing_reading() -> None:
+    found = taxelflow.recording([0, 1], np.ma.masked_array([[1, 2], [3, 4]], [[0, 1], [0, 0]]), "grid:1x2@4mm")
+    np.testing.assert_array_equal(found.load().values, [[1, np.nan], [3, 4]])
+
+
 def test_lists_and_integers_become_a_recording() -> None:
     found = taxelflow.recording([0, 1], [[1, 2], [3, 4]], "grid:1x2@4mm")
     assert found.load().values.dtype == np.float64
@@ -147,6 +152,8 @@ def test_a_pad_has_its_own_arrays() -> None:
     assert result["pad1"].events == []
     with pytest.raises(NameUnknown, match="known are pad0, pad1"):
         result["palm"]
+    with pytest.raises(NameUnknown, match="unknown pad 0; known are pad0, pad1"):
+        result[0]  # type: ignore[index]
 
 
 def test_a_data_frame_has_the_columns_and_values_of_the_file(result: taxelflow.Result, tmp_path: Path) -> None:
@@ -191,3 +198,11 @@ def test_a_result_is_drawn(result: taxelflow.Result, tmp_path: Path) -> None:
     files = result.plot(tmp_path / "pictures", "png")
     assert {file.name for file in files} >= {"position-pad0.png", "path-convolution.png"}
     assert all(file.is_file() for file in files)
+
+
+@pytest.mark.parametrize(("repeats", "noted"), [(1, False), (5, True)])
+def test_stamps_that_are_too_coarse_are_noted(repeats: int, noted: bool) -> None:
+    t_s = np.arange(60) // repeats / 10
+    t_s[1] = t_s[0]  # one that a logger wrote twice
+    notes = taxelflow.estimate(taxelflow.recording(t_s, moving(), PALM)).summary.notes
+    assert any(note.startswith("dropped 48 scans with the time stamp of the one before, 12") for note in notes) == noted

@@ -50,7 +50,7 @@ def of(sensor: Sensor, method: str = "convolution", **more: Any) -> Calibration:
 def test_a_file_holds_what_was_written(tmp_path: Path) -> None:
     made = of(grid_sensor(4, 7))
     path = tmp_path / "cal.toml"
-    save_calibration(made, path)
+    save_calibration(made, str(path))
     assert load_calibration(path) == made
     assert [file.name for file in tmp_path.iterdir()] == ["cal.toml"]
     assert "std_y" not in path.read_text()

@@ -101,6 +101,11 @@ def test_a_place_that_is_none_is_named_with_its_taxel(points: str, says: str) ->
     assert refused(INLINE.replace(POINTS, f"taxels = {points}")) == f"{PAD}, field taxels{says}{ROWS}"
 
 
+def test_a_frames_header_is_hexadecimal() -> None:
+    says = refused(INLINE.replace('unit = "kPa"', 'unit = "kPa"\nframe = {header = "AA5"}'))
+    assert "table [frame], field header: expected 1 to 8 bytes, each as two hexadecimal digits, such as" in says
+
+
 def test_a_long_value_is_cut() -> None:
     says = refused(INLINE.replace('unit = "kPa"', f'unit = "{"k" * 500}"'))
     assert len(says.partition(";")[0]) < 100

@@ -41,3 +41,7 @@ def test_a_device_is_no_file() -> None:
 def test_dots_outside_of_keys_are_no_parts_of_keys() -> None:
     text = "numbers = [" + "0.5, " * 1000 + "]\nnote = '" + "." * 100 + "'\n"
     assert len(parse_toml(text.encode())["numbers"]) == 1000
+
+
+def test_the_mark_of_windows_editors_is_no_text() -> None:
+    assert parse_toml(b"\xef\xbb\xbfname = 'hand'\r\n") == {"name": "hand"}

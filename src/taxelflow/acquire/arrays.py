@@ -12,7 +12,7 @@ from taxelflow.acquire.base import Recording
 from taxelflow.acquire.limits import scans_per_block
 from taxelflow.acquire.times import read_times, timed
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, SensorNeeded, TaxelCountWrong
-from taxelflow.messages import RawScans
+from taxelflow.messages import Floats, RawScans
 from taxelflow.sensors.catalogue import builtin_sensors
 from taxelflow.sensors.pads import MOST_NUMBERS
 
@@ -57,22 +57,31 @@ def array_recording(stored: Stored, sensor: Sensor | None, asked: Columns) -> Re
     time, taxels = asked.find(path, [str(number) for number in range(width)], timed=stored.timed)
     if sensor is None:
         raise SensorNeeded(path, builtin_sensors())
-    if len(taxels) != sensor.channel_map.columns:
+    images = stored.shape[1:] == sensor.layout.full_grid and len(taxels) == width
+    if not images and len(taxels) != sensor.channel_map.columns:
         raise TaxelCountWrong(path, len(taxels), sensor.name, sensor.channel_map.columns)
-    reader = _Reader(stored, asked, time, taxels, scans_per_block(sensor))
+    image, grid = tuple(size for size in stored.shape[1:] if size > 1), sensor.layout.full_grid
+    if len(image) == 2 and sensor.axes == 1 and grid and image != tuple(size for size in grid if size > 1):
+        seen = f"its scans have shape {image}, and the grid of sensor {sensor.name} {grid}"
+        raise RecordingCorrupt(path, seen, "give (scans, rows, cols) with row 0 on top, or (scans, taxels)")
+    arranged = sensor.channel_map.arranged if images else None
+    reader = _Reader(stored, asked, time, taxels, scans_per_block(sensor), arranged)
     notes = () if asked.rate_hz is None else (f"times computed from the rate of {asked.rate_hz:g} Hz",)
     return Recording(path, stored.format, sensor, reader.blocks, scans=scans, notes=notes)
 
 
 @dataclass(frozen=True, slots=True)
 class _Reader:
-    """time: column with the times, if any. taxels: columns of the taxels. block: scans of a block."""
+    """time: column with the times, if any. taxels: columns of the taxels. block: scans of a block. arranged: images as
+    rows of the layout -> numbers in the source's order; None where they are in it.
+    """
 
     stored: Stored
     asked: Columns
     time: int | None
     taxels: list[int]
     block: int
+    arranged: Callable[[Floats], Floats] | None
 
     def blocks(self) -> Iterator[RawScans]:
         """Blocks from the start."""
@@ -89,7 +98,8 @@ class _Reader:
                 for start in range(0, scans, self.block):
                     stop = min(start + self.block, scans)
                     rows = np.asarray(values[start:stop], dtype=np.float64).reshape(stop - start, -1)
-                    yield RawScans(self._times(rows, times, start, stop), rows[:, self.taxels])
+                    numbers = rows[:, self.taxels] if self.arranged is None else self.arranged(rows)
+                    yield RawScans(self._times(rows, times, start, stop), numbers)
         except (OSError, ValueError, RuntimeError) as error:
             raise RecordingTruncated(self.stored.path, start, scans, " ".join(str(error).split())) from error
 

@@ -18,6 +18,7 @@ from taxelflow.errors import (
     printable,
 )
 from taxelflow.messages import Bools, Floats, Joints, RawScans, cut, joined
+from taxelflow.numerics.unmasked import floats_of
 from taxelflow.sensors.channels import doubted_numbers
 from taxelflow.sensors.sensor import Sensor, with_contacts, with_shear
 
@@ -118,16 +119,16 @@ class Recording:
     ) -> Recording:
         """A recording in memory.
 
-        t_s: (scans,), s. values: (scans, taxels) in the sensor's unit and the order of its layout, NaN where missing;
-        or (scans, rows, cols) of a sensor with one full grid. shear: of the same shape and unit with a last axis of 2,
-        along x (right) and y (up) of the pad; a sensor of one axis becomes one of three. Raises RecordingCorrupt,
-        TaxelCountWrong, SensorFileInvalid; reading raises TimesNotIncreasing.
+        t_s: (scans,), s. values: (scans, taxels) in the sensor's unit and the order of its layout, NaN or masked where
+        missing; or (scans, rows, cols) of a sensor with one full grid. shear: of the same shape and unit with a last
+        axis of 2, along x (right) and y (up) of the pad; a sensor of one axis becomes one of three. Raises
+        RecordingCorrupt, TaxelCountWrong, SensorFileInvalid; reading raises TimesNotIncreasing.
         """
         try:
             if np.asarray(t_s).dtype.kind in "mM":  # as floats they would be in the unit of the dates, often ns
                 raise TypeError(f"t_s is {np.asarray(t_s).dtype}")
-            times, readings = np.array(t_s, dtype=np.float64), np.array(values, dtype=np.float64)
-            along = None if shear is None else np.array(shear, dtype=np.float64)
+            times, readings = np.array(t_s, dtype=np.float64), floats_of(values)
+            along = None if shear is None else floats_of(shear)
         except (TypeError, ValueError) as error:
             raise RecordingCorrupt(source, f"not numbers: {error}", "give arrays of numbers, times in s") from error
         if times.ndim != 1 or readings.ndim not in (2, 3) or len(readings) != len(times):

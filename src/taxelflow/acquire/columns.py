@@ -9,23 +9,14 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Literal
 
+from taxelflow.acquire.table_remedies import for_time
 from taxelflow.errors import ParameterInvalid, RecordingCorrupt
 from taxelflow.sensors.toml_text import parse_toml, read_limited
 
-REMEDY = (
-    "a recording has a header row `t_s,...` and then one row per scan: time in s, a number per taxel; "
-    "for other shapes see --columns in --help"
-)
-"""Remedy for a file that is not such a table."""
-
 JOINT = "joint:"
 """Beginning of the names of columns with joint angles, in rad."""
-_SEPARATORS = {",": "','", ";": "';'", "\t": "tab", "|": "'|'", " ": "space"}
-"""Separators of fields that a header of one field suggests, as `--columns.delimiter` takes them."""
 _SHOWN = 60
 """Characters of a header that a message shows."""
-_UNNAMED = r"Unnamed: \d+|__index_level_\d+__"
-"""Names that pandas gives to columns without one."""
 SECONDS_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of times."""
 SLOWEST_HZ, _FASTEST_HZ = 0.5, 20e3
@@ -71,6 +62,7 @@ class Columns:
     `files` of the sensor file."""
 
     def __post_init__(self) -> None:
+        self._settle_types()
         for name, value, least in (("skip", self.skip, 0), ("rows_per_scan", self.rows_per_scan, 1)):
             if value < least:
                 raise ParameterInvalid(f"columns.{name}", value, f"be at least {least}")
@@ -84,6 +76,20 @@ class Columns:
             )
         if self.delimiter is not None and self.delimiter not in ("tab", "space") and len(self.delimiter) != 1:
             raise ParameterInvalid("columns.delimiter", self.delimiter, "be one character, tab or space")
+
+    def _settle_types(self) -> None:
+        """What Python's users write instead: numbers of columns, paths as text. Raises ParameterInvalid."""
+        object.__setattr__(self, "time", str(self.time))
+        for name in ("file", "times"):
+            if isinstance(path := getattr(self, name), str):
+                object.__setattr__(self, name, Path(path))
+        for name in ("taxels", "pads"):
+            if isinstance(given := getattr(self, name), str):  # it would be taken letter by letter
+                raise ParameterInvalid(f"columns.{name}", given, f"be a tuple of patterns, such as ({given!r},)")
+        for name, known in (("time_unit", list(SECONDS_PER)), ("order", [None, "file", "number"])):
+            if getattr(self, name) not in known:
+                words = ", ".join(str(one) for one in known if one is not None)
+                raise ParameterInvalid(f"columns.{name}", getattr(self, name), f"be one of {words}")
 
     @property
     def seconds(self) -> float:
@@ -103,10 +109,18 @@ class Columns:
             if unknown := table.keys() - set(known):
                 duty = f"have only the fields {', '.join(known)}"
                 raise ParameterInvalid(f"{self.file}", ", ".join(sorted(unknown)), duty)
-            from_file = msgspec.convert(table, Columns)
+            if type(table.get("time")) is int:
+                table["time"] = str(table["time"])
+            from_file = msgspec.convert(table, Columns, dec_hook=self._beside)
         except (OSError, ValueError, msgspec.ValidationError) as error:
             raise ParameterInvalid("columns.file", str(self.file), f"be a readable TOML file: {error}") from error
         return replace(from_file, **given)
+
+    def _beside(self, _kind: type[Path], given: object) -> Path:
+        """A path in `file` is relative to its folder."""
+        if self.file is None or not isinstance(given, str):
+            raise ValueError(f"a path is text, not {given!r}")
+        return self.file.parent / given
 
     def changed(self) -> dict[str, object]:
         """The fields that differ from their defaults."""
@@ -138,11 +152,7 @@ class Columns:
         if self.time.isdecimal() and int(self.time) < len(names):
             return int(self.time)
         seen = f"no column {self.time!r}: the header starts with {','.join(names[:3])[:_SHOWN]!r}"
-        separator = next((one for one in _SEPARATORS if one in names[0]), None) if len(names) == 1 else None
-        remedy = REMEDY if separator is None else f"set --columns.delimiter {_SEPARATORS[separator]}"
-        if names and names[0].startswith("#"):
-            remedy = "pass over lines of comments with --columns.skip N, or name the time with --columns.time"
-        raise RecordingCorrupt(path, seen, remedy)
+        raise RecordingCorrupt(path, seen, for_time(names, header=self.header))
 
     def _ordered(self, path: Path, names: list[str], found: list[int]) -> list[int]:
         if len({re.sub(r"\d+", "#", names[number]) for number in found}) > 1 and self.order is None:
@@ -154,22 +164,6 @@ class Columns:
             seen = f"columns are not sorted: {names[first]!r} comes before a smaller number"
             raise RecordingCorrupt(path, seen, "choose the sensor's order: --columns.order number, or file")
         return by_number if self.order == "number" else found
-
-
-def fewer_taxels(names: list[str], chosen: list[int], wanted: int) -> str:
-    """What to do about more columns than taxels: such as an index of pandas, or what a trailing comma makes."""
-    if len(chosen) <= wanted:
-        return ""
-    alike: dict[str, list[int]] = {}
-    for number in chosen:
-        alike.setdefault(re.sub(r"\d+", "#", names[number]), []).append(number)
-    kinds = [list(kind) for kind in alike.values()]
-    kinds.append([n for n in chosen if names[n].strip() and not re.fullmatch(_UNNAMED, names[n])])
-    fits = next((kind for kind in kinds if len(kind) == wanted and kind[-1] - kind[0] == wanted - 1), None)
-    if fits is None:
-        return "leave out columns that are no taxels with --columns.taxels"
-    left = ", ".join(repr(names[n]) for n in chosen if n not in fits)[:_SHOWN]
-    return f"leave out {left} with --columns.taxels {fits[0]}-{fits[-1]}"
 
 
 def _matching(pattern: str, names: list[str]) -> list[int]:
@@ -199,11 +193,16 @@ def likely_unit(rate_hz: float) -> str | None:
     return next(fit, None)
 
 
+def epoch_units(stamp_s: float) -> list[str]:
+    """Units in which a stamp would be a time since 1970 of these decades. stamp_s: as if it were in s."""
+    return [name for name, seconds in SECONDS_PER.items() if _LATEST_S / 4 < stamp_s * seconds < _LATEST_S]
+
+
 def doubted_rate(rate_hz: float, first_s: float) -> list[str]:
     """A note if no tactile sensor scans at this rate, with the likely unit of the times. first_s: the first of them."""
     if SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
         return []
-    units = [name for name, seconds in SECONDS_PER.items() if _LATEST_S / 4 < first_s * seconds < _LATEST_S]
+    units = epoch_units(first_s)
     units += filter(None, [likely_unit(rate_hz)])
     likely = f"the times are likely in {units[0]}" if units and units[0] != "s" else "check that times are in s"
     how = f"--columns.time-unit {units[0]}" if units and units[0] != "s" else "--columns.time-unit"

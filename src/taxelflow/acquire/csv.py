@@ -17,9 +17,10 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 
 from taxelflow.acquire.base import Recording
-from taxelflow.acquire.columns import JOINT, REMEDY, Columns, fewer_taxels
+from taxelflow.acquire.columns import JOINT, Columns
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_BYTES, BLOCK_SCANS
+from taxelflow.acquire.table_remedies import REMEDY, fewer_taxels, for_field
 from taxelflow.acquire.times import is_iso, iso_seconds, read_times, timed
 from taxelflow.errors import (
     RecordingCorrupt,
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _DELIMITERS = {".csv": ",", ".tsv": "\t", ".txt": "space"}
+_SHOWN = 60
+"""Characters of a name or field that a message shows."""
 _LONGEST_LINE = 1 << 24
 """Bytes read as one line at most: bounds the memory for a file that is not text."""
 
@@ -68,7 +71,7 @@ def open_csv(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
         raise TaxelCountWrong(path, len(taxels), sensor.name, wanted, fewer_taxels(names, taxels, wanted))
     row = next(records, "") if asked.header else first
     iso = time is not None and _has_iso_time(row, delimiter, time)
-    table = _Table(path, asked, delimiter, len(fields), time, np.array(taxels), iso)
+    table = _Table(path, asked, delimiter, names, time, np.array(taxels), iso)
     joints = [number for number, name in enumerate(names) if name.startswith(JOINT)]
     angles = replace(table, taxels=np.array(joints)).joints([names[n].removeprefix(JOINT) for n in joints])
     notes = (
@@ -108,16 +111,25 @@ def _split(line: str, delimiter: str | None) -> list[str]:
     return line.split() if delimiter is None else next(csv.reader([line], delimiter=delimiter), [])
 
 
+class _NoNumber(Exception):
+    """A field is no number, or no time."""
+
+    def __init__(self, field: str, column: str, *, timed: bool) -> None:
+        what = "time" if timed else "number"
+        super().__init__(f"column {column[:_SHOWN]!r} holds {field[:_SHOWN]!r}, which is no {what}")
+        self.remedy = for_field(field, timed=timed)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Table:
-    """A file of known structure. fields: number in a row. time, taxels: numbers of their columns. iso: times are
-    ISO 8601 dates.
+    """A file of known structure. names: of its columns. time, taxels: numbers of theirs. iso: times are ISO 8601
+    dates.
     """
 
     path: Path
     columns: Columns
     delimiter: str | None
-    fields: int
+    names: list[str]
     time: int | None
     taxels: NDArray[np.int64]
     iso: bool
@@ -134,7 +146,7 @@ class _Table:
         if self.columns.header:
             next(records, None)
         done = 0
-        rows = max(1, min(BLOCK_SCANS, BLOCK_BYTES // (64 * self.fields)))  # 64 bytes a field as text
+        rows = max(1, min(BLOCK_SCANS, BLOCK_BYTES // (64 * len(self.names))))  # 64 bytes a field as text
         while chunk := list(islice(records, rows)):
             numbers = self._parse_fast(chunk)
             error: RecordingError | None = None
@@ -174,10 +186,11 @@ class _Table:
 
     def _parse_fast(self, chunk: list[str]) -> Floats | None:
         """(rows, columns read) by NumPy's parser; None for rows that it cannot parse: quotes, empty fields, errors."""
+        fields = len(self.names)
         if self.delimiter is None:
-            simple = all(len(line.split()) == self.fields for line in chunk)
+            simple = all(len(line.split()) == fields for line in chunk)
         else:
-            simple = all(line.count(self.delimiter) == self.fields - 1 and '"' not in line for line in chunk)
+            simple = all(line.count(self.delimiter) == fields - 1 and '"' not in line for line in chunk)
         if not simple:
             return None
         try:
@@ -203,22 +216,28 @@ class _Table:
             scan = done + number
             try:
                 row = _split(line, self.delimiter)
-                if len(row) != self.fields:
+                if len(row) != len(self.names):
                     last = number == len(chunk) - 1 and next(rest, None) is None
                     return rows, self._wrong_length(scan, len(row), last=last)
                 rows.append([self._number(row[k], k) for k in columns])
-            except (ValueError, csv.Error) as error:
-                return rows, RecordingCorrupt(self.path, f"scan {scan}: {error}"[:300], REMEDY)
+            except csv.Error as error:
+                return rows, RecordingCorrupt(self.path, f"scan {scan}: {error}", REMEDY)
+            except _NoNumber as error:
+                return rows, RecordingCorrupt(self.path, f"scan {scan}: {error}", error.remedy)
         return rows, None
 
     def _number(self, field: str, column: int) -> float:
-        if self.iso and column == self.time:
-            return iso_seconds(field)
-        return float(field) if field.strip() else math.nan
+        timed = column == self.time
+        try:
+            if self.iso and timed:
+                return iso_seconds(field)
+            return float(field) if field.strip() else math.nan
+        except ValueError as error:
+            raise _NoNumber(field, self.names[column], timed=timed) from error
 
     def _wrong_length(self, scan: int, fields: int, *, last: bool) -> RecordingError:
-        seen = f"scan {scan} has {fields} columns, the {'header' if self.columns.header else 'first'} {self.fields}"
-        if fields < self.fields and last:
+        seen = f"scan {scan} has {fields} columns, the {'header' if self.columns.header else 'first'} {len(self.names)}"
+        if fields < len(self.names) and last:
             return RecordingTruncated(self.path, scan, None, seen)
         return RecordingCorrupt(self.path, seen, REMEDY)
 

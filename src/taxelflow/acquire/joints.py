@@ -12,7 +12,7 @@ import numpy as np
 
 from taxelflow.errors import ExtraMissing
 from taxelflow.messages import Joints
-from taxelflow.sensors.hand import PAIRS_POSE_OR_TABLE, JointsInvalid, joint_angles
+from taxelflow.sensors.hand import JointsInvalid, joint_angles, ways
 from taxelflow.sensors.kinematics import angles_of, hand_model
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def asked_joints(given: str, sensor: Sensor) -> Joints:
         joints = read_joints(Path(given))
         _check_names(joints.names, given, sensor)
         return replace(joints, given=given)
-    angles = joint_angles(given, PAIRS_POSE_OR_TABLE)
+    angles = joint_angles(given, ways(sensor.hand, table=True))
     _check_names(angles, given, sensor)
     return constant_joints(angles, sensor)
 

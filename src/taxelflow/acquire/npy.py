@@ -6,7 +6,7 @@ import tokenize
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
-import numpy as np
+from numpy.lib.format import open_memmap
 
 from taxelflow.acquire.arrays import Stored, array_recording
 from taxelflow.acquire.columns import Columns
@@ -23,7 +23,7 @@ def open_npy(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
     """Open an array, which is mapped and not read. Raises RecordingCorrupt, SensorNeeded, TaxelCountWrong."""
     asked = (columns or Columns()).resolved()
     try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
+        array = open_memmap(path, mode="r")  # `np.load` calls other files pickled objects
     except (ValueError, EOFError, OSError, tokenize.TokenError, SyntaxError) as error:
         raise RecordingCorrupt(path, str(error), "write it with numpy.save(path, pressure)") from error
     stored = Stored(path, "npy", array.shape, array.dtype, timed=False, open=lambda: nullcontext((array, None)))

@@ -77,9 +77,12 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
             raise SensorNeeded(path, builtin_sensors())
         sensor = sensor_in_text(path, str(extras["sensor"]))
     scans, *rest = pressure.shape
+    columns = sensor.channel_map.columns
+    if sensor.axes == 3 and rest == [columns // 3, 3]:  # x, y, z of each taxel side by side
+        rest = [columns]
     if len(rest) == 2 and tuple(rest) != sensor.layout.full_grid:
         seen = f"pressure has shape {pressure.shape}, which is no full grid of sensor {sensor.name}"
-        raise RecordingCorrupt(path, seen, "give pressure (scans, taxels)")
+        raise RecordingCorrupt(path, seen, f"give pressure (scans, {columns})")
     if len(rest) == 1 and rest[0] != sensor.channel_map.columns:
         raise TaxelCountWrong(path, rest[0], sensor.name, sensor.channel_map.columns)
     return Recording(
@@ -119,7 +122,7 @@ def _contents(path: Path) -> tuple[_Header, _Header, Members]:
 
 def _in_columns(blocks: Iterator[RawScans], sensor: Sensor, *, images: bool) -> Iterator[RawScans]:
     """Blocks in the source's columns. images: they are in the order of the layout."""
-    return (RawScans(one.t_s, sensor.channel_map.to_source(one.values)) if images else one for one in blocks)
+    return (RawScans(one.t_s, sensor.channel_map.arranged(one.values)) if images else one for one in blocks)
 
 
 def _header(member: IO[bytes]) -> _Header:

@@ -130,9 +130,9 @@ class _Pads:
             raise RecordingTruncated(self.path, done, None, f"the file of pad {lost[0].part.pad} ends before others")
 
     def _check(self, t_s: Floats, own_s: Floats, pad: str, period_s: float, done: int) -> None:
-        apart = np.abs(own_s - t_s)
-        if period_s and apart.max() > _MOST_APART * period_s:
-            k = int(apart.argmax())
+        apart = np.abs(own_s - t_s) > _MOST_APART * period_s
+        if period_s and apart.any():
+            k = int(apart.argmax())  # the first of them
             seen = f"scan {done + k} is at {t_s[k]:.6f} s for pad {self.parts[0].pad} and at {own_s[k]:.6f} s for {pad}"
             raise RecordingCorrupt(self.path, seen, "resample the files to common times: their scans must correspond")
 

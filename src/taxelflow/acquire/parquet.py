@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.acquire.base import Recording
-from taxelflow.acquire.columns import JOINT, SECONDS_PER, Columns, fewer_taxels
+from taxelflow.acquire.columns import JOINT, SECONDS_PER, Columns
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_SCANS, MOST_ARRAY_BYTES, Budget, check_expansion, scans_per_block
 from taxelflow.acquire.metadata import joints_text_in, masked_in, sensor_in, texts_of, truth_in
 from taxelflow.acquire.parquet_pages import Pages, unpacked_pages
+from taxelflow.acquire.table_remedies import fewer_taxels
 from taxelflow.acquire.times import iso_seconds, read_times, timed
 from taxelflow.errors import (
     ExtraMissing,

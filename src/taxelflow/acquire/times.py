@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.format import open_memmap
 
 from taxelflow.acquire.limits import LONGEST_LINE, MOST_ARRAY_BYTES
 from taxelflow.errors import RecordingCorrupt
@@ -46,7 +47,7 @@ def read_times(path: Path, seconds: float) -> Floats:
         if path.stat().st_size > MOST_ARRAY_BYTES:
             raise ValueError(f"it has {path.stat().st_size} bytes")
         if path.suffix.lower() == ".npy":
-            found = np.load(path, allow_pickle=False, mmap_mode="r")
+            found = open_memmap(path, mode="r")
             if found.ndim != 1 or found.dtype.kind not in "fiu":
                 raise ValueError(f"it holds {found.dtype} {found.shape}")
             return np.asarray(found, dtype=np.float64) * seconds

@@ -11,6 +11,7 @@ import csv
 from array import array
 from dataclasses import dataclass
 from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +22,6 @@ from taxelflow.messages import Floats
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-    from pathlib import Path
 
 _COLUMNS = (["t_s", "x_m", "y_m"], ["t_s", "x_m", "y_m", "theta_rad"])
 _TUM, _TUM_FIELDS = (".tum", ".txt"), 8
@@ -39,11 +39,12 @@ class Trajectory:
     place_m: Floats
 
 
-def read_trajectory(path: Path, topic: str | None = None) -> Trajectory:
+def read_trajectory(path: str | Path, topic: str | None = None) -> Trajectory:
     """Read a trajectory: csv, TUM (`.tum`, `.txt`), or PoseStamped messages of a bag; rotations are not used.
 
     topic: of a bag, where several fit. Raises TruthInvalid, TopicUnclear, RecordingCorrupt, OSError.
     """
+    path = Path(path)
     suffix = path.suffix.lower()
     if path.is_dir() or suffix in _BAGS:
         from taxelflow.acquire.ros.poses import read_poses

@@ -55,7 +55,7 @@ class Conditioner:
             raise ParameterInvalid("mask", self.mask, "be auto, none, or numbers of taxels such as 17,203")
         if not 0 <= self.lowpass_hz < float("inf"):
             raise ParameterInvalid("lowpass_hz", self.lowpass_hz, "be a frequency in Hz, or 0 for no filter")
-        if not (1 <= self.median_scans < 100 and self.median_scans % 2):
+        if not (1 <= self.median_scans < 100 and self.median_scans % 2 == 1):
             raise ParameterInvalid("median_scans", self.median_scans, "be an odd number of scans from 1 to 99")
         positive("contact_on", self.contact_on)
         if not 0 < self.contact_off <= self.contact_on:

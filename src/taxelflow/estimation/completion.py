@@ -12,14 +12,40 @@ import numpy as np
 from taxelflow.errors import EstimatorBroken
 from taxelflow.estimation.base import Scaled, SkinAware
 from taxelflow.estimation.unseen_error import UnseenError
-from taxelflow.messages import AMBIGUOUS, NO_POSE, OK, Bools, Bytes, Floats, Footprint, Slips, cut, joined, no_scans
+from taxelflow.messages import (
+    AMBIGUOUS,
+    NO_POSE,
+    OK,
+    Bools,
+    Bytes,
+    Estimates,
+    Floats,
+    Footprint,
+    Slips,
+    cut,
+    joined,
+    no_scans,
+)
 from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.border import Boundary
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Estimator, EstimatorSession, Mode
-    from taxelflow.messages import Estimates, Scans
+    from taxelflow.messages import Scans
     from taxelflow.sensors.layout import Layout
+
+_SHAPES = {
+    "displacement": (3,),
+    "pose": (3,),
+    "covariance": (3, 3),
+    "displacement_covariance": (3, 3),
+    "span_s": (),
+    "lag_s": (),
+    "disturbance": (),
+    "quality": (),
+}
+"""Shapes of an estimator's results, after scans and pads."""
+_FORM = "Estimates.unknown(scans), with what is known filled in"
 
 
 def start_slips(estimator: Estimator, layout: Layout, mode: Mode) -> SlipsSession:
@@ -43,6 +69,7 @@ class SlipsSession:
         pads = self._none.border.shape
         judge_cut(np.zeros((*pads[:2], 3)), self._none.border, np.zeros(pads[:2], np.uint8))
         self._held: list[Footprint] = []
+        self._checked = False
 
     @property
     def judges(self) -> bool:
@@ -64,14 +91,30 @@ class SlipsSession:
         return Footprint(scans.t_s, scans.contact, border, load, unseen)
 
     def _completed(self, estimates: Estimates) -> Slips:
+        self._check(estimates)
         footprint, count = joined(self._held or [self._none]), len(estimates)
         if count > len(footprint):
-            raise EstimatorBroken(type(self._session).__name__, count, len(footprint))
+            seen = f"estimates of {count} scans where at most {len(footprint)} were waiting"
+            remedy = "its step must give one row per scan, in order, none twice"
+            raise EstimatorBroken(type(self._session).__name__, seen, remedy)
         if count == len(footprint):
             self._held = []
             return _judged(Slips.of(footprint, estimates))
         self._held = [cut(footprint, count, len(footprint))]
         return _judged(Slips.of(cut(footprint, 0, count), estimates))
+
+    def _check(self, estimates: Estimates) -> None:
+        """Raises EstimatorBroken for what is no estimates, or for shapes that kernels would read beyond."""
+        name = type(self._session).__name__
+        if not isinstance(estimates, Estimates):
+            raise EstimatorBroken(name, f"a {type(estimates).__name__}", f"step and finish must return {_FORM}")
+        if self._checked or not len(estimates):
+            return
+        for field, tail in _SHAPES.items():
+            wanted, seen = (len(estimates), self._none.border.shape[1], *tail), np.shape(getattr(estimates, field))
+            if seen != wanted:
+                raise EstimatorBroken(name, f"{field} of shape {seen}", f"it must be {wanted}: begin with {_FORM}")
+        self._checked = True
 
 
 def _judged(slips: Slips) -> Slips:

@@ -13,11 +13,13 @@ from __future__ import annotations
 
 from importlib.metadata import version
 from operator import itemgetter
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.acquire.trajectory import Trajectory
+from taxelflow.acquire.base import Recording
+from taxelflow.acquire.trajectory import Trajectory, read_trajectory
 from taxelflow.errors import GainsUnknown, NameUnknown, ParameterInvalid
 from taxelflow.estimation.base import Calibratable
 from taxelflow.estimation.completion import start_slips
@@ -30,7 +32,6 @@ from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.calibration import Calibration, PadCalibration, fingerprint
 
 if TYPE_CHECKING:
-    from taxelflow.acquire.base import Recording
     from taxelflow.messages import Floats
     from taxelflow.sensors.layout import Layout
 
@@ -39,8 +40,8 @@ _INTERIOR = 0.05
 
 
 def calibrate(
-    recording: Recording,
-    truth: Trajectory | None = None,
+    recording: Recording | str | Path,
+    truth: Trajectory | str | Path | None = None,
     method: str = "convolution",
     *,
     pad: str | None = None,
@@ -48,7 +49,7 @@ def calibrate(
     edge: float = 1.0,
     within_m: float | None = None,
 ) -> Calibration:
-    """Gains per pad and axis from a known trajectory; the recording's own truth if none is given.
+    """Gains per pad and axis from a known trajectory (an object or a file); the recording's own truth if none is given.
 
     method: one that is `Calibratable`, built in or from an entry point. pad: that one only; else the pad of the
     recording's truth, or all that can be calibrated. search_s: largest offset between the clocks, s. edge: factor on
@@ -59,6 +60,7 @@ def calibrate(
     estimator = _calibratable(method)
     for name, value in (("search_s", search_s), ("edge", edge), ("within_m", 1.0 if within_m is None else within_m)):
         not_negative(name, value)
+    recording, truth = _opened(recording, truth)
     layout = recording.layout
     names = layout.pads[: layout.pad_count]
     if pad is not None and pad not in names:
@@ -83,6 +85,15 @@ def calibrate(
         most_seen = [why for _, why in sorted(failed, key=itemgetter(0))]
         raise GainsUnknown("; ".join(most_seen[:3]), "none of these pads can be calibrated by this recording")
     return Calibration(method, recording.sensor.name, fingerprint(recording.sensor), version("taxelflow"), tuple(found))
+
+
+def _opened(
+    recording: Recording | str | Path, truth: Trajectory | str | Path | None
+) -> tuple[Recording, Trajectory | None]:
+    return (
+        recording if isinstance(recording, Recording) else api.read(recording),
+        read_trajectory(truth) if isinstance(truth, str | Path) else truth,
+    )
 
 
 def _calibratable(method: str) -> Calibratable:

@@ -56,6 +56,8 @@ def read(
     RecordingMissing, FormatUnknown, SensorNeeded, TopicUnclear, RecordingCorrupt, TaxelCountWrong, NameUnknown,
     ParameterInvalid, ExtraMissing.
     """
+    if columns is not None and not isinstance(columns, Columns):
+        raise ParameterInvalid("columns", columns, "be a Columns")
     path = Path(path)
     suffix = path.suffix.lower()
     if (path / _BAG_DIRECTORY).is_file():
@@ -79,7 +81,10 @@ def read(
     for name in asked.keys() - signature(opener).parameters.keys():
         seen = columns.changed() if columns is not None and name == "columns" else asked[name]
         raise ParameterInvalid(name, seen, f"be left out for {suffix} recordings: it has no meaning there")
-    recording = cast("Recording", opener(path, sensor, **asked))
+    recording = opener(path, sensor, **asked)
+    if not isinstance(recording, Recording):
+        error = TypeError(f"it gives a {type(recording).__name__}, not a Recording")
+        raise registry.broken("reader", suffix, error)
     return recording if joints is None else replace(recording, joints=asked_joints(joints, recording.sensor))
 
 
@@ -93,11 +98,11 @@ def recording(
 ) -> Recording:
     """A recording from arrays.
 
-    t_s: (scans,), s, increasing. values: (scans, taxels) in the sensor's unit and the order of its layout, NaN where
-    missing, or (scans, rows, cols) of a sensor that is one full grid. sensor: a built-in name, a plain grid such as
-    `grid:16x16@4mm,kPa`, a TOML file or a `Sensor`. masked: numbers of taxels that are switched off. shear: (scans,
-    taxels, 2) or (scans, rows, cols, 2) of a three-axis sensor, along x (right) and y (up) of the pad, same unit.
-    Raises RecordingCorrupt, TaxelCountWrong, NameUnknown, SensorFileInvalid, ParameterInvalid.
+    t_s: (scans,), s, increasing. values: (scans, taxels) in the sensor's unit and the order of its layout, NaN or
+    masked where missing, or (scans, rows, cols) of a sensor that is one full grid. sensor: a built-in name, a plain
+    grid such as `grid:16x16@4mm,kPa`, a TOML file or a `Sensor`. masked: numbers of taxels that are switched off.
+    shear: (scans, taxels, 2) or (scans, rows, cols, 2) of a three-axis sensor, along x (right) and y (up) of the pad,
+    same unit. Raises RecordingCorrupt, TaxelCountWrong, NameUnknown, SensorFileInvalid, ParameterInvalid.
     """
     chosen = sensor if isinstance(sensor, Sensor) else load_sensor(str(sensor))
     found = Recording.of_arrays(t_s, values, chosen, shear=shear)
@@ -155,10 +160,43 @@ def conditioned(recording: Recording) -> Scans:
 def estimator(method: str, **parameters: Any) -> Estimator:
     """An estimator by name, such as `lnorm` or `convolution`. Raises NameUnknown, ParameterInvalid."""
     kind = registry.find("estimator", method)
+    known = signature(kind).parameters
+    if unknown := [name for name in parameters if name not in known]:
+        raise ParameterInvalid(f"parameters of {method}", unknown[0], f"be among {', '.join(known)}")
     try:
         return cast("Estimator", kind(**parameters))
     except TypeError as error:
         raise ParameterInvalid(f"parameters of {method}", parameters, f"fit the method: {error}") from error
+
+
+def pipeline_of(
+    method: str | Estimator,
+    mode: Mode,
+    parameters: Mapping[str, Any],
+    *,
+    condition: Conditioner | None,
+    monitor: SlipMonitor | None,
+    calibration: Calibration | str | Path | None,
+    smooth: Smoothing | None,
+) -> Pipeline:
+    """The stages as `estimate` and `Live` take them. Raises NameUnknown, ParameterInvalid, CalibrationInvalid."""
+    chosen = estimator(method, **parameters) if isinstance(method, str) else method
+    if isinstance(chosen, type) or not hasattr(chosen, "start"):
+        raise ParameterInvalid("method", method, "be a name, or an estimator object with a method start")
+    given = (("condition", condition, Conditioner), ("monitor", monitor, SlipMonitor), ("smooth", smooth, Smoothing))
+    for name, stage, kind in given:
+        if stage is not None and not isinstance(stage, kind):
+            raise ParameterInvalid(name, stage, f"be a {kind.__name__}")
+    if calibration is not None and not isinstance(calibration, Calibration):
+        calibration = load_calibration(calibration)
+    return Pipeline(
+        chosen,
+        mode,
+        condition or Conditioner(),
+        monitor or SlipMonitor(),
+        calibration=calibration,
+        smooth=smooth or Smoothing(),
+    )
 
 
 def estimate(
@@ -184,20 +222,10 @@ def estimate(
     if not isinstance(recording, Recording):
         recording = read(recording)
     recording = recording.with_contacts(contacts)
-    if isinstance(method, str):
-        chosen, name = estimator(method, **parameters), method
-    else:
-        chosen, name = method, type(method).__name__
-    if calibration is not None and not isinstance(calibration, Calibration):
-        calibration = load_calibration(calibration)
-    pipeline = Pipeline(
-        chosen,
-        mode,
-        condition or Conditioner(),
-        monitor or SlipMonitor(),
-        calibration=calibration,
-        smooth=smooth or Smoothing(),
+    pipeline = pipeline_of(
+        method, mode, parameters, condition=condition, monitor=monitor, calibration=calibration, smooth=smooth
     )
+    name = method if isinstance(method, str) else type(method).__name__
     run = pipeline.start(recording)
     totals = Totals(recording.layout)
     outputs = []

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 _MOST_FINDINGS = 4
 """Taxels that a note names."""
+_MANY_REPEATED = 0.1
+"""Share of scans with a repeated stamp above which a note reports them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -213,6 +215,11 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
     if counts.repeated:
         notes.append(
             f"dropped {counts.repeated} scans that repeat the one before bit for bit: {rate_hz:.4g} scans/s are new"
+        )
+    if run.reading.repeated > _MANY_REPEATED * totals.scans:
+        notes.append(
+            f"dropped {run.reading.repeated} scans with the time stamp of the one before, {totals.scans} are left: if"
+            " their readings differ, the stamps are too coarse"
         )
     if counts.gaps:
         gaps = "1 gap" if counts.gaps == 1 else f"{counts.gaps} gaps, the longest"

@@ -55,13 +55,20 @@ class Tables:
     """Writes a run's messages to a directory, block by block; a context that renames the files if all went well.
 
     If it ends by an exception, the rows written so far stay in the `.part` files. opened: how these are opened.
+    flushes_first: write the headers at once, so that a full disk is found before the work; not for files that wait for
+    room.
     """
 
     def __init__(
-        self, directory: Path, pads: tuple[str, ...], opened: Callable[[Path], TextIOBase] | None = None
+        self,
+        directory: Path,
+        pads: tuple[str, ...],
+        opened: Callable[[Path], TextIOBase] | None = None,
+        *,
+        flushes_first: bool = True,
     ) -> None:
         self.directory, self._pads = directory, pads
-        self._opened = opened or _opened
+        self._opened, self._flushes_first = opened or _opened, flushes_first
         self._files: dict[str, Any] = {}
         self._stack = ExitStack()
 
@@ -81,7 +88,7 @@ class Tables:
     def _open(self) -> None:
         for name, columns in _TABLES.items():
             self._begin(name, columns)
-        if self._opened is _opened:  # a full disk is found before the work; files of another kind may wait for room
+        if self._flushes_first:
             self._flush()
 
     def _begin(self, name: str, columns: Sequence[str]) -> None:

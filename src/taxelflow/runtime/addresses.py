@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -57,8 +58,9 @@ class Address:
         """Raises AddressInvalid for an option that has no meaning here."""
         for name in self.options:
             if name not in known:
-                listed = ", ".join(sorted(known)) or "none"
-                raise AddressInvalid(self.url, f"unknown option {name!r}", f"options: {listed}")
+                listed = f"options: {', '.join(sorted(known))}" if known else "no options"
+                in_path = "; ? in a path is written %3F" if self.path and not self.host else ""
+                raise AddressInvalid(self.url, f"unknown option {name!r}", listed + in_path)
 
     def number(self, name: str, default: float, lowest: float = 0.0) -> float:
         """The option of that name as a finite number, at least `lowest`. Raises AddressInvalid."""
@@ -92,16 +94,21 @@ class Address:
         return self.choice(name, ("0", "1")) == "1"
 
 
-def parse_address(url: str) -> Address:
-    """A URL in parts. Raises AddressInvalid."""
+def parse_address(url: str, path_form: str = "") -> Address:
+    """A URL in parts. path_form: what a mere path was likely meant as. Raises AddressInvalid."""
     try:
         parts = urlsplit(url, allow_fragments=False)
         port = parts.port
     except ValueError as error:
         raise AddressInvalid(url, str(error), "SCHEME://HOST:PORT or SCHEME:PATH") from error
     if not parts.scheme or ":" not in url:
-        raise AddressInvalid(url, "it has no scheme", "SCHEME://HOST:PORT or SCHEME:PATH")
-    options = dict(parse_qsl(parts.query, keep_blank_values=True))
+        meant = f"{path_form}, or " if path_form else ""
+        raise AddressInvalid(url, "it has no scheme", f"{meant}SCHEME://HOST:PORT or SCHEME:PATH")
+    given = parse_qsl(parts.query, keep_blank_values=True)
+    options = dict(given)
+    if len(options) < len(given):
+        twice = Counter(name for name, _ in given).most_common(1)[0][0]
+        raise AddressInvalid(url, f"option {twice!r} is given twice", "each option once")
     path = unquote(parts.path)
     host = parts.hostname or ""
     if url.partition(":")[2].startswith("//"):

@@ -1,4 +1,4 @@
-"""Every exchangeable part by name: the one place where a new reader, writer, estimator, source or sink is announced.
+"""Every exchangeable part by name: where a new reader, writer, estimator, sensor, source or sink is announced.
 
 Built-in parts stand in these tables and are imported on use; other packages add theirs as entry points
 of the group `taxelflow.<stage>`.
@@ -48,6 +48,8 @@ PARTS: dict[str, dict[str, str]] = {
         "sum": "taxelflow.estimation.centroid.load_sum:Sum",
         "principal_axis": "taxelflow.estimation.centroid.principal_axis:PrincipalAxis",
     },
+    "sensor": {},  # built-in ones are the files of `sensors/data`
+    "message": {},  # built-in ones are the table of `acquire/ros/kinds`
     "source": {
         "tcp": "taxelflow.acquire.devices.tcp:connect",
         "tcp-listen": "taxelflow.acquire.devices.tcp:listen",
@@ -140,13 +142,18 @@ def find(stage: str, name: str) -> Any:
         module, _, attribute = PARTS[stage][name].partition(":")
         return getattr(import_module(module), attribute)
     check(stage, name)
-    point = _plugins(stage)[name]
     try:
-        return point.load()
+        return _plugins(stage)[name].load()
     except TaxelflowError:  # such as a missing extra
         raise
     except Exception as error:  # whatever stands in another's module
-        raise PluginBroken(stage, name, point.value, point.dist.name if point.dist else "?", error) from error
+        raise broken(stage, name, error) from error
+
+
+def broken(stage: str, name: str, error: Exception) -> PluginBroken:
+    """The error for a part of another package that cannot be used."""
+    point = _plugins(stage)[name]
+    return PluginBroken(stage, name, point.value, point.dist.name if point.dist else "?", error)
 
 
 def summary(stage: str, name: str) -> str:

@@ -102,8 +102,9 @@ def load_calibration(path: str | Path) -> Calibration:
         raise CalibrationInvalid(path, f"invalid TOML ({error})") from error
 
 
-def save_calibration(calibration: Calibration, path: Path) -> None:
+def save_calibration(calibration: Calibration, path: str | Path) -> None:
     """Write the file, whole or not at all."""
+    path = Path(path)
     part = path.with_name(path.name + ".part")
     with written_at(path):
         part.write_text(to_toml(calibration), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Sensors by name: those that come with taxelflow, plain grids, and files.
+"""Sensors by name: those that come with taxelflow or with other packages, plain grids, and files.
 
 A sensor whose maker does not publish the pitch is named with it, as in `inspire-rh56dftp@3.0mm`. A plain grid is
 `grid:16x16@4mm` (rows x cols at a pitch, in counts), `grid:4x7@10x10.6mm` (pitch along x, y) or `grid:16x16@4mm,kPa`.
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from taxelflow.errors import GridNameInvalid, NameUnknown, PitchNeeded, SensorFileInvalid
+from taxelflow.runtime import registry
 from taxelflow.sensors.sensor import Sensor, read_sensor, sensor_of, sensor_table, unchecked
 
 _PITCH = r"(?P<x>\d+(\.\d+)?)(x(?P<y>\d+(\.\d+)?))?mm"
@@ -27,26 +28,30 @@ def builtin_sensors() -> list[str]:
 
 def known_sensors() -> list[str]:
     """Names and patterns that `load_sensor` accepts, for error messages."""
-    return [*builtin_sensors(), *_WAYS]
+    return [*builtin_sensors(), *registry.names("sensor"), *_WAYS]
 
 
 def catalogue() -> list[tuple[str, Sensor]]:
-    """All built-in sensors, unchecked, by name; a pitch that the user has to give is 1 mm here."""
+    """All built-in sensors, unchecked, by name, and those of other packages; a pitch to be given is 1 mm.
+
+    Raises PluginBroken.
+    """
     listed = []
     for name in builtin_sensors():
         table = _declared(name)
         needed = _needs_pitch(table)
         sensor = unchecked(_pitched(name, table, "1mm" if needed else ""), f"{name}.toml", _folder())
         listed.append((f"{name}@PITCHmm" if needed else name, sensor))
-    return listed
+    return listed + [(name, _announced(name)) for name in registry.names("sensor")]
 
 
-def load_sensor(name: str) -> Sensor:
-    """A built-in sensor or a plain grid by name, or one from a TOML file by path.
+def load_sensor(name: str | Path) -> Sensor:
+    """A built-in sensor, one of another package or a plain grid by name, or one from a TOML file by path.
 
     Raises NameUnknown (with the list of names), PitchNeeded, GridNameInvalid, SensorFileInvalid (with file, table and
-    field).
+    field), PluginBroken.
     """
+    name = str(name)
     stem, _, at = name.partition("@")
     if stem in builtin_sensors():
         return _builtin(stem, at)
@@ -55,6 +60,8 @@ def load_sensor(name: str) -> Sensor:
     path = Path(name)
     if path.is_file():
         return read_sensor(path)
+    if name in registry.names("sensor"):
+        return _announced(name)
     if path.suffix == ".toml" or path.parent != Path():
         seen = "it is no regular file" if path.exists() else "there is no such file"
         raise SensorFileInvalid(name, "path", seen, "give the path of a TOML file, or a name of `taxelflow sensors`")
@@ -89,6 +96,16 @@ def _pitched(name: str, table: dict[str, Any], at: str) -> dict[str, Any]:
             pad.setdefault("pitch_m", _pitch_m(given))
         table["name"] = f"{name}@{at}"
     return table
+
+
+def _announced(name: str) -> Sensor:
+    """What the function of an entry point gives. Raises PluginBroken."""
+    make = registry.find("sensor", name)
+    made = make() if callable(make) else make
+    if not isinstance(made, Sensor):
+        error = TypeError(f"it gives a {type(made).__name__}, not a Sensor")
+        raise registry.broken("sensor", name, error)
+    return made
 
 
 def _grid(name: str) -> Sensor:

@@ -75,6 +75,15 @@ class ChannelMap:
             return RawScans(raw.t_s, values)
         return RawScans(raw.t_s, values, np.take(sent, self.shear_column, axis=1) * self.shear_factor)
 
+    def arranged(self, images: Floats) -> Floats:
+        """(scans, taxels), a source's numbers in the order of the layout -> (scans, columns) in the source's order.
+
+        Columns of no taxel are 0.
+        """
+        values = np.zeros((len(images), self.columns))
+        values[:, self.column] = images
+        return values
+
     def to_source(self, readings: Floats, shear: Floats | None = None) -> Floats:
         """Inverse of `to_readings`: (scans, taxels) -> (scans, columns), columns of no taxel at the
         common offset, 0 without one. shear: (scans, taxels, 2) of a sensor that declares it; else those columns are of
@@ -140,5 +149,17 @@ def doubted_numbers(sent: Floats, notes: Sequence[str]) -> list[str]:
     """
     if any(note.startswith(_BEYOND) for note in notes):
         return []
-    large = sent[(np.abs(sent) > _LARGEST) & np.isfinite(sent)]
+    large = _absurd(sent)
     return [f"{_BEYOND}, such as {large[0]:.4g}: check how the recording was written"] if large.size else []
+
+
+def doubted_number(sent: Floats) -> str:
+    """The same of a scan (columns,) of a live source, in words; empty if there is nothing to report."""
+    large = _absurd(sent)
+    return f"{large[0]:.4g}: {_BEYOND}" if large.size else ""
+
+
+def _absurd(sent: Floats) -> Floats:
+    """Finite numbers beyond any sensor's."""
+    beyond = np.abs(sent) > _LARGEST
+    return sent[beyond & np.isfinite(sent)] if beyond.any() else sent[:0]

@@ -66,6 +66,13 @@ class Hand(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=T
         return dict(pose.split(":", 1) for pose in self.poses if ":" in pose).get(name)
 
 
+def ways(hand: Hand | None, *, table: bool) -> str:
+    """How the angles of a hand's joints are given, with the names of its poses. table: a csv is taken, too."""
+    names = ", ".join(pose.split(":", 1)[0] for pose in hand.poses) if hand else ""
+    named = f"a named pose ({names})" if names else "a named pose"
+    return f"{PAIRS}, {named}, or a csv with columns t_s and the joints" if table else f"{PAIRS} or {named}"
+
+
 def joint_angles(text: str, remedy: str = PAIRS) -> dict[str, float]:
     """Angles in rad by joint from text such as `spread=60deg f1=1.2`. remedy: what else is taken.
 

@@ -89,8 +89,11 @@ def _plain(what: str, value: object) -> str:
     if found is None:
         return what[:1].lower() + what[1:]
     kinds = " or ".join(_KINDS.get(one, one) for one in found["kinds"].split(" | ") if one != "null")
-    if "matching regex" in found["limit"]:  # names alone have a pattern, see `pads.Name`
-        return f"expected text in one line without comma and quotation mark, got {_short(value)}"
+    if "matching regex" in found["limit"]:  # of a frame's header, and of names, see `pads.Name`
+        wanted = "text in one line without comma and quotation mark"
+        if "A-F" in found["limit"]:
+            wanted = "1 to 8 bytes, each as two hexadecimal digits, such as 'AA55'"
+        return f"expected {wanted}, got {_short(value)}"
     limit = re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.15g}", found["limit"])
     for sign, words in _LIMITS.items():
         limit = limit.replace(f" {sign} ", f" {words} ")

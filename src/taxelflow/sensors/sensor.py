@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -22,7 +23,6 @@ from taxelflow.sensors.taxel_table import with_table
 from taxelflow.sensors.toml_text import parse_toml, read_limited
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from importlib.resources.abc import Traversable
 
 PASCAL_PER = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "psi": 6894.757293168, "N/cm2": 1e4}
@@ -136,7 +136,7 @@ def with_contacts(sensor: Sensor, asked: int | str | Mapping[str, int]) -> Senso
     names = [pad.name for pad in sensor.pads]
     if isinstance(asked, str):
         asked = int(asked) if asked.strip().isdecimal() else _counts(asked)
-    counts = dict.fromkeys(names, asked) if isinstance(asked, int) else asked
+    counts = asked if isinstance(asked, Mapping) else dict.fromkeys(names, asked)
     for name, count in counts.items():
         if name not in names:
             raise NameUnknown("pad", name, names)

@@ -28,7 +28,10 @@ def read_limited(path: Path) -> bytes:
 
 
 def parse_toml(content: bytes) -> dict[str, Any]:
-    """The mapping in TOML text. Raises ValueError: syntax, not UTF-8, too large, or nested too deeply."""
+    """The mapping in TOML text, which may begin with the byte order mark of Windows' editors.
+
+    Raises ValueError: syntax, not UTF-8, too large, or nested too deeply.
+    """
     if len(content) > MOST_BYTES:
         raise ValueError(f"it has {len(content)} bytes, and may have {MOST_BYTES}")
     parts = 0
@@ -37,6 +40,6 @@ def parse_toml(content: bytes) -> dict[str, Any]:
         if parts > _MOST_PARTS:
             raise ValueError(f"a key has more than {_MOST_PARTS} parts")
     try:
-        return tomllib.loads(content.decode())
+        return tomllib.loads(content.decode("utf-8-sig"))
     except RecursionError as error:
         raise ValueError("its tables or lists are nested too deeply") from error

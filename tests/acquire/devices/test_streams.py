@@ -17,6 +17,8 @@ from taxelflow.acquire.devices.line import LineParser
 from taxelflow.errors import AddressInvalid, PortTaken, SourceUnreachable
 from taxelflow.messages import RawScans
 from taxelflow.pipeline.live.loop import Limits
+from taxelflow.runtime import registry
+from taxelflow.runtime.addresses import parse_address
 from taxelflow.sensors.frame import Frame
 
 if TYPE_CHECKING:
@@ -36,6 +38,22 @@ def test_a_port_that_is_taken_is_named(kind: Any, scheme: str) -> None:
         port = other.getsockname()[1]
         with pytest.raises(PortTaken, match=f"port {port} is taken by another program; choose another port"):
             opened(f"{scheme}://127.0.0.1:{port}").__enter__()
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "tcp-listen", "udp-listen"])
+def test_an_emulated_device_is_read_by_ipv6(scheme: str, tmp_path: Path) -> None:
+    url = f"{scheme}://[::1]:{free_port()}"
+    device = registry.find("emulator", scheme)(parse_address(url), PALM)
+    if scheme == "tcp":
+        device.__enter__()
+    with running(url, f"jsonl:{tmp_path}/a.jsonl", limits=Limits(SCANS if scheme != "udp-listen" else 20)):
+        if scheme != "tcp":
+            device.__enter__()
+        device.wait()
+        for t_s, values in zip(slid().t_s.tolist(), slid().values, strict=True):
+            awaited(lambda t_s=t_s, values=values: device.send(device.encode(t_s, values)))  # type: ignore[misc]
+        device.__exit__()
+    assert published(tmp_path / "a.jsonl")
 
 
 def test_an_address_of_another_computer_is_refused_without_a_hint_to_wait() -> None:

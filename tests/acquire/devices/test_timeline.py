@@ -88,6 +88,14 @@ def test_times_in_ms_are_reported_once_and_noted(caplog: pytest.LogCaptureFixtur
     assert sum(note in record.message for record in caplog.records) == 1
 
 
+@pytest.mark.parametrize(("stamp", "unit"), [(1.7e12, "ms"), (1.7e15, "us"), (1.7e18, "ns")])
+def test_times_since_1970_in_another_unit_are_named(stamp: float, unit: str, caplog: pytest.LogCaptureFixture) -> None:
+    clock = Clocked()
+    assert clock.place(stamp, stamp * (1 + 1e-9)) == [None, None]
+    (record,) = caplog.records
+    assert record.message.endswith(f"likely in {unit} (?time-unit={unit} for lines; else convert them to s)")
+
+
 @pytest.mark.parametrize("step_s", [1.0, 10.0, 100.0])
 def test_times_of_a_replay_are_not_compared_with_its_pace(step_s: float) -> None:
     clock = Clocked(paced=False)

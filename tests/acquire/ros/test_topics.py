@@ -40,5 +40,7 @@ def test_an_unknown_message_is_answered_with_topics_and_types(tmp_path: Path, to
         if topic is None
         else r"/log \(std_msgs/msg/String\) is of no known type \(Scan, Tactile"
     )
-    with pytest.raises(TopicUnclear, match=match):
+    with pytest.raises(TopicUnclear, match=match) as caught:
         read(path, topic=topic)
+    assert "; record the readings as std_msgs/Float32MultiArray or" in str(caught.value)
+    assert "choose one" not in str(caught.value)

@@ -39,13 +39,15 @@ FULL = {"xela": 65535, "dsa": 4095, "barrett-can": 15, "inspire-modbus": 4095}
 SCANS = 30
 
 
-def sent_and_received(kind: str, faults: tuple[Fault, ...] = ()) -> tuple[Playback, Floats, list[Any], Any]:
+def sent_and_received(
+    kind: str, faults: tuple[Fault, ...] = (), host: str = "127.0.0.1"
+) -> tuple[Playback, Floats, list[Any], Any]:
     """The playback, what was to be sent, arrivals and the source of an emulated device."""
     form, name = DEVICES[kind]
     sensor = load_sensor(name)
     columns = sensor.channel_map.columns
     values = np.random.default_rng(0).integers(0, FULL[kind], (SCANS, columns)).astype(float)
-    url = form.format(port=free_port())
+    url = form.format(port=free_port()).replace("127.0.0.1", host)
     arrived: list[Any] = []
     done = threading.Event()
 
@@ -74,6 +76,13 @@ def test_what_a_device_sends_arrives_exactly(kind: str) -> None:
     playback, values, arrived, source = sent_and_received(kind)
     assert playback.whole == SCANS
     assert np.array_equal([arrival.values for arrival in arrived], values)
+    assert not source.faults.counts
+
+
+@pytest.mark.parametrize("kind", ["xela", "inspire-modbus"])
+def test_a_device_may_have_an_ipv6_address(kind: str) -> None:
+    _, _, arrived, source = sent_and_received(kind, host="[::1]")
+    assert arrived
     assert not source.faults.counts
 
 
@@ -106,11 +115,26 @@ def test_all_registers_of_the_inspire_hand_are_read() -> None:
     assert len(arrived[0].values) == 1062
 
 
+def test_a_hand_of_fewer_readings_is_named_in_a_short_line(caplog: pytest.LogCaptureFixture) -> None:
+    small, url = load_sensor("xela-4x4@4mm"), f"inspire-modbus://127.0.0.1:{free_port()}"
+    with (
+        registry.find("emulator", "inspire-modbus")(parse_address(url), small),
+        opened(url, load_sensor("inspire-rh56dftp@3mm")) as source,
+    ):
+        for _ in zip(range(3), source, strict=False):
+            pass
+    assert "connection lost: the hand has 48 of 1062 readings; connecting again" in {
+        record.message for record in caplog.records
+    }
+
+
 def test_the_modbus_library_says_nothing_of_its_own(caplog: pytest.LogCaptureFixture) -> None:
     hand = ModbusHand("127.0.0.1", free_port(), 1062, 50.0)
     with pytest.raises(ConnectionError, match="no Modbus server answers"):
         hand.open()
     assert not caplog.records
+    logging.getLogger("pymodbus.logging").warning("of another client in this process")
+    assert len(caplog.records) == 1
 
 
 def test_a_puck_that_is_silent_leaves_its_readings_missing() -> None:

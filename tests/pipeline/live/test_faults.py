@@ -14,6 +14,7 @@ from costly import mostly_long
 from rigged import refused
 from streaming import PALM, free_port, published, running, slid
 from taxelflow.cli import main
+from taxelflow.errors import ParameterInvalid
 from taxelflow.pipeline.live.emulators.base import Fault, Playback, parse_fault
 from taxelflow.pipeline.live.emulators.command import Emulate
 from taxelflow.pipeline.live.loop import Limits
@@ -82,6 +83,13 @@ def test_faults_are_given_by_name_time_and_extent() -> None:
     assert parse_fault("cable@1") == Fault("cable", 1.0, 1.0)
 
 
+@pytest.mark.parametrize("text", ["cable@nan", "cable@-1", "stall@1:-1", "gone@inf", "clock-jump@1:inf", "cable@1:2:3"])
+def test_a_fault_at_no_time_is_refused(text: str) -> None:
+    with pytest.raises(ParameterInvalid, match="fault must be NAME@SECONDS or NAME@SECONDS:EXTENT"):
+        parse_fault(text)
+    assert parse_fault("clock-jump@0:-5") == Fault("clock-jump", 0.0, -5.0)
+
+
 def test_the_command_sends_a_scenario(capfdbinary: pytest.CaptureFixture[bytes]) -> None:
     assert main(["emulate", "stdin:", "--from", "stroke", "--speed", "0", "--fault", "garbage@2"]) == 0
     said = capfdbinary.readouterr()
@@ -98,6 +106,7 @@ def test_a_loop_goes_on_with_increasing_times() -> None:
 
 def test_an_emulation_of_nothing_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert "known are" in refused(capsys, "emulate", "nothing:", "--from", "stroke")
+    assert "0 or more, and finite" in refused(capsys, "emulate", "stdin:", "--from", "stroke", "--speed", "nan")
     assert "known are stroke" in refused(capsys, "emulate", "tcp", "--from", "nowhere")
     assert "known are cable" in refused(capsys, "emulate", "tcp", "--from", "stroke", "--fault", "fire@1")
     assert "stall@2.5" in refused(capsys, "emulate", "tcp", "--from", "stroke", "--fault", "stall@x")

@@ -86,7 +86,12 @@ def test_bad_input_is_one_line_and_exit_code_2(tmp_path: Path, sensor: str, caps
     assert "known are tables" in refused(capsys, "run", "stdin:", "--sensor", sensor, "--to", "nothing:")
     assert "--sensor" in refused(capsys, "run", "tcp-listen://127.0.0.1:5", "--to", "jsonl:-")
     assert "end in .mcap" in refused(capsys, "record", "stdin:", tmp_path / "a.csv", "--sensor", sensor)
-    assert "be 1 or more" in refused(capsys, "record", "stdin:", tmp_path / "a.mcap", "--max-scans", "0")
+    assert "give replay:grasp.npz for a recording, or" in refused(capsys, "run", "grasp.npz")
+    assert "give tables:out for a directory of tables, or" in refused(capsys, "run", "rig:stroke", "--to", "out")
+    assert "unknown option 'x'; give no options" in refused(capsys, "run", "rig:stroke", "--to", "jsonl:a?x=1")
+    assert "--max-scans must be 1 or more" in refused(
+        capsys, "record", "stdin:", tmp_path / "a.mcap", "--max-scans", "0"
+    )
     assert "above 0 s" in refused(capsys, "record", "stdin:", tmp_path / "a.mcap", "--duration", "0")
     assert "twice" in refused(capsys, "run", "rig:stroke", "--to", "jsonl:a", "--to", "jsonl:a")
     assert "own sensor" in refused(capsys, "run", "rig:stroke", "--sensor", sensor, "--to", "jsonl:a")

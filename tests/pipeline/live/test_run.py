@@ -19,7 +19,14 @@ from msgspec.structs import replace
 import taxelflow
 from streaming import PALM, SCANS, connected, free_port, lines, opened, published, running, slid
 from synthetic import grid_sensor
-from taxelflow.errors import RecordingCorrupt, RunEnded, SourceUnreachable, TaxelCountWrong, TaxelflowError
+from taxelflow.errors import (
+    ParameterInvalid,
+    RecordingCorrupt,
+    RunEnded,
+    SourceUnreachable,
+    TaxelCountWrong,
+    TaxelflowError,
+)
 from taxelflow.messages import RawScans, joined
 from taxelflow.pipeline.live.adoptions import asked_adoptions
 from taxelflow.pipeline.live.api import Live
@@ -157,6 +164,17 @@ def test_a_time_that_cannot_be_costs_that_scan_only(tmp_path: Path) -> None:
     assert np.array_equal(taxelflow.read(tmp_path / "a.mcap").load().t_s, scans.t_s)
 
 
+def test_a_number_beyond_any_sensors_is_reported_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    scans, port = slid(), free_port()
+    scans.values[30:33, 5] = 1e300
+    scans.values[40, 5] = np.inf
+    with running(f"tcp-listen://127.0.0.1:{port}", f"jsonl:{tmp_path}/a.jsonl") as reports, connected(port) as device:
+        device.sendall(b"".join(lines(scans)))
+    assert dict(reports[0].source.faults.counts) == {"absurd number": 3}
+    said = [record.message for record in caplog.records if "absurd" in record.message]
+    assert said == ["absurd number: 1e+300: numbers beyond 1e+30 are taken as missing readings"]
+
+
 @pytest.mark.long
 def test_the_results_in_an_mcap_file_are_those_of_the_lines(tmp_path: Path) -> None:
     port = free_port()
@@ -259,6 +277,30 @@ def test_live_gives_results_at_once_and_survives_its_clock() -> None:
     assert live.faults == {"scan repeated": 1, "scan late": 1, "clock jumped": 1}
 
 
+def test_an_image_in_a_loop_is_what_the_sensor_sent() -> None:
+    scans, inverted = slid(30), replace(PALM, offset=9e5, polarity=-1)
+    flat, image = Live(inverted), Live(inverted)
+    for t_s, values in zip(scans.t_s.tolist(), 9e5 - scans.values, strict=True):
+        one, other = flat.step(t_s, values), image.step(t_s, values.reshape(4, 7))
+    assert one.slips.contact.any()
+    np.testing.assert_array_equal(other.slips.load, one.slips.load)
+
+
+def test_a_masked_reading_is_missing_in_a_loop() -> None:
+    scans, masked, missing = slid(30), Live(PALM), Live(PALM)
+    for t_s, values in zip(scans.t_s.tolist(), scans.values, strict=True):
+        out = masked.step(t_s, np.ma.masked_array(values, mask=np.arange(28) == 14))
+        same = missing.step(t_s, np.where(np.arange(28) == 14, np.nan, values))
+    np.testing.assert_array_equal(out.slips.pose, same.slips.pose)
+    np.testing.assert_array_equal(out.slips.load, same.slips.load)
+
+
+@pytest.mark.parametrize("sensor", [None, 3])
+def test_live_needs_a_sensor(sensor: Any) -> None:
+    with pytest.raises(ParameterInvalid, match="sensor must be a name, a TOML file, a Sensor or a Recording"):
+        Live(sensor)
+
+
 @pytest.mark.parametrize("order", ["row-major", "column-major"])
 @pytest.mark.parametrize("memory", ["C", "F"])
 def test_live_takes_a_scan_as_the_image_of_a_full_grid(order: str, memory: Any) -> None:
@@ -309,6 +351,8 @@ def test_live_takes_no_scan_after_its_end() -> None:
 def test_live_refuses_a_scan_of_another_size() -> None:
     with pytest.raises(TaxelCountWrong, match="the scan has 2 taxels per scan but sensor 'grid' has 28"):
         Live(PALM).step(0.0, [1.0, 2.0])
+    with pytest.raises(TaxelCountWrong, match="a block has 2 taxels per scan"):
+        Live(PALM).push(RawScans(np.zeros(1), np.zeros((1, 2))))
 
 
 @pytest.mark.parametrize(
@@ -318,6 +362,8 @@ def test_live_refuses_a_scan_of_another_size() -> None:
         ("tcp://127.0.0.1:99999", "0-65535"),
         ("nothing", "no scheme"),
         ("tcp://127.0.0.1:5?tim=arrival", "unknown option 'tim'"),
+        ("replay:grasp?1.npz?speed=max", r"unknown option '1.npz\?speed'; .*speed, topic; \? in a path is written %3F"),
+        ("tcp://127.0.0.1:5?time=arrival&time=device", "option 'time' is given twice; give each option once"),
         ("tcp://127.0.0.1:5?time=soon", "time=device or arrival"),
         ("serial:", "no path"),
         ("rig:nowhere", "known are stroke"),

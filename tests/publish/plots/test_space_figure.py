@@ -51,7 +51,8 @@ def test_angles_beyond_a_range_are_noted_and_no_table_is_offered(caplog: pytest.
     says = "joint f1 is at 69 rad, its range is 0 to 2.443 rad: check that its angles are in rad"
     assert [record.message for record in caplog.records] == [says]
     with pytest.raises(
-        JointsInvalid, match=r"'angles.csv' is not JOINT=ANGLE; .* \(rad without a unit\) or a named pose$"
+        JointsInvalid,
+        match=r"'angles.csv' is not JOINT=ANGLE; .* \(rad without a unit\) or a named pose \(spread, hook\)$",
     ):
         in_space(load_sensor("barretthand-162"), "angles.csv")
 

@@ -8,6 +8,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from taxelflow.sensors.channels import doubted_number
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import TracebackType
@@ -51,6 +53,11 @@ class Faults:
         if not self.counts[kind]:
             _log.warning("%s%s", kind, f": {seen}" if seen else "")
         self.counts[kind] += times
+
+    def count_absurd(self, values: Floats) -> None:
+        """Count a scan (columns,) that holds a number beyond any sensor's."""
+        if doubted := doubted_number(values):
+            self.count("absurd number", doubted)
 
     def report(self, kind: str, seen: str) -> None:
         """Count each time, and log, for faults that end and come again, such as a lost connection.

@@ -6,7 +6,9 @@ Readings are int16 in the holding registers from 3000 on, whose addresses count 
 from __future__ import annotations
 
 import logging
+import threading
 import time
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +18,8 @@ from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSou
 from taxelflow.errors import ExtraMissing
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from taxelflow.messages import Floats
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
@@ -40,7 +44,6 @@ class ModbusHand:
             from pymodbus.exceptions import ModbusException
         except ImportError as error:
             raise ExtraMissing("devices", "pymodbus") from error
-        logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # each fault is reported here, once
         self._client: Any = ModbusTcpClient(host, port=port, timeout=1.0, retries=1)
         self._fault = ModbusException
         self._values, self._period_s = values, 1.0 / rate_hz
@@ -51,8 +54,9 @@ class ModbusHand:
 
     def open(self) -> bool:
         """See `Transport`."""
-        if not self._client.connect():
-            raise ConnectionError("no Modbus server answers")
+        with _unheard():
+            if not self._client.connect():
+                raise ConnectionError("no Modbus server answers")
         return True
 
     def receive(self) -> bytes:
@@ -67,11 +71,16 @@ class ModbusHand:
         while len(registers) < self._values:
             count = min(_MOST, self._values - len(registers))
             try:
-                answer = self._client.read_holding_registers(FIRST + BYTES * len(registers), count=count)
+                with _unheard():
+                    answer = self._client.read_holding_registers(FIRST + BYTES * len(registers), count=count)
             except self._fault as error:
                 raise ConnectionError(str(error)) from error
-            if answer.isError() or len(answer.registers) != count:
+            if answer.isError():
                 raise ConnectionError(f"the hand answers {answer}")
+            if len(answer.registers) != count:
+                raise ConnectionError(
+                    f"the hand has {len(registers) + len(answer.registers)} of {self._values} readings"
+                )
             registers += answer.registers
         return np.array(registers, np.uint16).tobytes()
 
@@ -82,6 +91,21 @@ class ModbusHand:
     def shut(self) -> None:
         """See `Transport`."""
         self._client.close()
+
+
+@contextmanager
+def _unheard() -> Iterator[None]:
+    """Without what the library logs in this thread: each fault is reported here, once."""
+    own, library = threading.get_ident(), logging.getLogger("pymodbus.logging")
+
+    def of_others(record: logging.LogRecord) -> bool:
+        return record.thread != own
+
+    library.addFilter(of_others)
+    try:
+        yield
+    finally:
+        library.removeFilter(of_others)
 
 
 class _Int16:

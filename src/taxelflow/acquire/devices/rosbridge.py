@@ -19,6 +19,7 @@ from taxelflow.acquire.ros.decode import follow
 from taxelflow.acquire.ros.kinds import kind_of, known_types
 from taxelflow.acquire.ros.open import columns_of
 from taxelflow.errors import AddressInvalid
+from taxelflow.runtime.endpoints import authority
 
 if TYPE_CHECKING:
     from taxelflow.acquire.ros.kinds import Kind
@@ -108,5 +109,5 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     if kind is not None:
         wants["type"] = address.options["type"]
     greeting = [json.dumps(message) for message in ([wants] if kind is not None else [asks, wants])]
-    socket = WebSocket(f"ws://{address.host or '127.0.0.1'}:{address.port or PORT}", greeting)
+    socket = WebSocket(f"ws://{authority(address.host or '127.0.0.1', address.port or PORT)}", greeting)
     return ByteSource(address, sensor, socket, RosbridgeParser(sensor, kind, faults, timed=timed), faults)

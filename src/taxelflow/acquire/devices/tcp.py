@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from taxelflow.acquire.devices.base import PIECE_BYTES, POLL_S, Faults
 from taxelflow.acquire.devices.streams import LINE_OPTIONS, TIMEOUT_S, ByteSource, Ended, need_sensor, parser_of
+from taxelflow.runtime.endpoints import listening, place_of
 
 if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
@@ -79,9 +80,8 @@ class _Listener(_Connection):
 
     def listen(self) -> None:
         """See `Transport`."""
-        self._server = socket.create_server(self._endpoint, backlog=1)
-        host, port = self._server.getsockname()[:2]
-        _log.warning("listening on %s:%d", host, port)
+        self._server = listening(self._endpoint, backlog=1)
+        _log.warning("listening on %s", place_of(self._server))
 
     def open(self) -> bool:
         """See `Transport`."""

@@ -17,6 +17,11 @@ _FEWEST, _MOST = 5, 32
 """Quick steps in a row that are alike, before the unit is judged, and the most that are kept."""
 
 
+def unit_remedy(unit: str) -> str:
+    """What to do about times in another unit than s."""
+    return f"?time-unit={unit} for lines; else convert them to s"
+
+
 class TimeUnit:
     """Watches the steps from stamp to stamp. doubt: what is likely wrong with the unit; empty as long as nothing is."""
 
@@ -44,7 +49,6 @@ class TimeUnit:
         if agree or rate_hz < SLOWEST_HZ:
             self.doubt = (
                 f"steps of {median(steps_s):.3g} s, while scans come more than {_QUICK:g} times as fast: the times are "
-                f"likely in {unit} (?time-unit={unit} for lines; else convert them to s), unless a recording is sent "
-                "faster than it was made"
+                f"likely in {unit} ({unit_remedy(unit)}), unless a recording is sent faster than it was made"
             )
         return bool(self.doubt)

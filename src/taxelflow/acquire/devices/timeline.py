@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.acquire.devices.time_unit import TimeUnit
+from taxelflow.acquire.columns import epoch_units
+from taxelflow.acquire.devices.time_unit import TimeUnit, unit_remedy
 from taxelflow.numerics.clock import FARTHEST_S
 
 if TYPE_CHECKING:
@@ -110,7 +111,9 @@ class Timeline:
 
     def _of_device(self, stamp_s: float, arrived_s: float) -> float | None:
         if not abs(stamp_s) <= FARTHEST_S:  # one such stamp would leave no room for those that follow
-            self._faults.count("time out of range", f"{stamp_s:.6g} s; that scan is dropped")
+            units = epoch_units(stamp_s)
+            likely = f": the times are likely in {units[0]} ({unit_remedy(units[0])})" if units else ""
+            self._faults.count("time out of range", f"{stamp_s:.6g} s; that scan is dropped{likely}")
             return None
         t_s = stamp_s + self._offset_s
         if not math.isfinite(self._last_s):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
 from taxelflow.acquire.devices.streams import TIMEOUT_S, ByteSource, need_sensor, parser_of
+from taxelflow.runtime.endpoints import place_of
 
 if TYPE_CHECKING:
     from taxelflow.acquire.devices.base import Parser
@@ -40,8 +41,7 @@ class _Datagrams:
         self._socket = socket.socket(family, kind, protocol)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
         self._socket.bind(place)
-        host, port = self._socket.getsockname()[:2]
-        _log.warning("listening on %s:%d (UDP)", host, port)
+        _log.warning("listening on %s (UDP)", place_of(self._socket))
 
     def open(self) -> bool:
         """Nobody connects."""

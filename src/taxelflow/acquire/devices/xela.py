@@ -15,6 +15,7 @@ import numpy as np
 from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, need_sensor
 from taxelflow.acquire.devices.websocket import WebSocket
+from taxelflow.runtime.endpoints import authority
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -60,5 +61,5 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     """`xela://HOST:PORT`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
     address.check_options(STREAM_OPTIONS)
     sensor, faults = need_sensor(address, sensor), Faults()
-    url = f"ws://{address.host or '127.0.0.1'}:{address.port or PORT}"
+    url = f"ws://{authority(address.host or '127.0.0.1', address.port or PORT)}"
     return ByteSource(address, sensor, WebSocket(url), XelaParser(sensor.channel_map.columns, faults), faults)

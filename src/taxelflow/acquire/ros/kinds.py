@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Literal
 
+from taxelflow.runtime import registry
+
 
 @dataclass(frozen=True)
 class Kind:
@@ -118,10 +120,21 @@ KINDS = (
 )
 
 
+def all_kinds() -> list[Kind]:
+    """The table, and what other packages announce. Raises PluginBroken."""
+    kinds = list(KINDS)
+    for name in registry.names("message"):
+        kind = registry.find("message", name)
+        if not isinstance(kind, Kind):
+            raise registry.broken("message", name, TypeError(f"it is a {type(kind).__name__}, not a Kind"))
+        kinds.append(kind)
+    return kinds
+
+
 def kind_of(message_type: str) -> Kind | None:
     """The entry of a type `package/msg/Name` or `package/Name` in the table; None if it has none."""
     wanted = ros2_name(message_type)
-    return next((kind for kind in KINDS if any(fnmatchcase(wanted, name) for name in kind.types)), None)
+    return next((kind for kind in all_kinds() if any(fnmatchcase(wanted, name) for name in kind.types)), None)
 
 
 def ros2_name(name: str) -> str:
@@ -132,4 +145,4 @@ def ros2_name(name: str) -> str:
 
 def known_types() -> list[str]:
     """All types of the table as `package/Name`; * stands for any package."""
-    return [name.replace("/msg/", "/") for kind in KINDS for name in kind.types]
+    return [name.replace("/msg/", "/") for kind in all_kinds() for name in kind.types]

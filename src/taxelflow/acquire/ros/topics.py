@@ -5,12 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from taxelflow.acquire.ros.kinds import KINDS, SCAN, Kind, kind_of
+from taxelflow.acquire.ros.kinds import SCAN, Kind, kind_of, known_types
 from taxelflow.errors import TopicUnclear
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+
+
+_UNKNOWN = (
+    "record the readings as std_msgs/Float32MultiArray or tactile_msgs/TactileState, or announce the type by an entry "
+    "point of the group taxelflow.message"
+)
+"""What to do about messages of a type that nobody knows."""
 
 
 @dataclass(frozen=True)
@@ -66,15 +73,16 @@ def choose(path: Path, topics: list[Topic], name: str | None) -> tuple[Topic, Ki
         if not fitting:
             raise TopicUnclear(path, f"no topic {name}", listed)
         if fitting[0].kind is None:
-            known = ", ".join(one.split("/")[-1] for kind in KINDS for one in kind.types)
+            known = ", ".join(one.split("/")[-1] for one in known_types())
             seen = f"{_shown(fitting[0])} is of no known type ({known}) or encoding ({fitting[0].encoding!r})"
-            raise TopicUnclear(path, seen, listed)
+            raise TopicUnclear(path, seen, listed, remedy=_UNKNOWN)
     else:
         usable = [topic for topic in topics if topic.kind is not None]
         fitting = [topic for topic in usable if topic.messages != 0]
         fitting = fitting or [topic for topic in usable if topic.kind is SCAN]  # our own, refused as empty
         if not fitting:
-            raise TopicUnclear(path, "no topic has messages of a known type", listed)
+            remedy = _UNKNOWN if listed and not usable else ""
+            raise TopicUnclear(path, "no topic has messages of a known type", listed, remedy=remedy)
         if len(fitting) > 1:
             raise TopicUnclear(path, f"{len(fitting)} topics fit", [_shown(t) for t in fitting])
     topic = fitting[0]

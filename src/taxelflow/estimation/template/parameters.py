@@ -27,8 +27,10 @@ class Template:
     waits."""
 
     def __post_init__(self) -> None:
-        if not 20 <= self.window_scans <= 100_000:
+        if not 20 <= self.window_scans <= 100_000 or self.window_scans % 1:
             raise ParameterInvalid("window_scans", self.window_scans, "be between 20 and 100000 scans")
+        if not 0 <= self.latency_s < float("inf"):
+            raise ParameterInvalid("latency_s", self.latency_s, "be a finite time, 0 s or more")
 
     def start(self, layout: Layout, mode: Mode) -> EstimatorSession:
         """Begin a session; kernels are compiled here."""

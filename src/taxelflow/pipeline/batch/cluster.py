@@ -59,6 +59,8 @@ def connected(scheduler: str | None, workers: int | None, *, most: int) -> Itera
         import dask
         from dask.system import CPU_COUNT
         from distributed import Client, LocalCluster
+        from distributed.comm.addressing import parse_address, parse_host_port
+        from distributed.comm.registry import get_backend
     except ImportError as error:
         raise ExtraMissing("cluster", "distributed") from error
     for name in _LOGS:
@@ -79,6 +81,8 @@ def connected(scheduler: str | None, workers: int | None, *, most: int) -> Itera
             yield client
         return
     try:
+        scheme, place = parse_address(scheduler)  # a client of what is no address ends with a traceback
+        get_backend(scheme), parse_host_port(place)
         client = Client(scheduler, timeout=_PATIENCE.answer_s, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
         remedy = "start one with `dask scheduler` and give its address, such as tcp://HOST:8786"

@@ -53,10 +53,9 @@ class Report:
 
     def lines(self) -> list[str]:
         """A few lines for the terminal."""
-        lines = [
-            f"{self.recordings} recordings: {self.before + self.now} done ({self.now} now, {self.before} before), "
-            f"{len(self.failed)} failed"
-        ]
+        of = "1 recording" if self.recordings == 1 else f"{self.recordings} recordings"
+        done = f"{self.before + self.now} done ({self.now} now, {self.before} before)"
+        lines = [f"{of}: {done}, {len(self.failed)} failed"]
         if self.recorded_s > 0:
             lines.append(
                 f"{3600 * self.seconds / self.recorded_s:.3g} s of processor time per hour of recording, without the "

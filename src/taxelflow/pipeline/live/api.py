@@ -11,25 +11,26 @@ import numpy as np
 from taxelflow.acquire.base import Recording
 from taxelflow.acquire.devices.base import Arrival, Faults
 from taxelflow.acquire.devices.timeline import Timeline
-from taxelflow.condition.parameters import Conditioner
-from taxelflow.errors import RecordingCorrupt, TaxelCountWrong
-from taxelflow.estimation.smoothing.parameters import Smoothing
+from taxelflow.errors import ParameterInvalid, RecordingCorrupt, TaxelCountWrong
 from taxelflow.messages import RawScans
-from taxelflow.pipeline.api import estimator
-from taxelflow.pipeline.stages import Output, Pipeline
+from taxelflow.numerics.unmasked import floats_of
+from taxelflow.pipeline.api import pipeline_of
 from taxelflow.runtime.adoption import AsRecorded, WhenReady
-from taxelflow.sensors.calibration import Calibration, load_calibration
 from taxelflow.sensors.catalogue import load_sensor
-from taxelflow.slip.parameters import SlipMonitor
+from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from numpy.typing import ArrayLike
 
+    from taxelflow.condition.parameters import Conditioner
     from taxelflow.estimation.base import Estimator
+    from taxelflow.estimation.smoothing.parameters import Smoothing
+    from taxelflow.pipeline.stages import Output
     from taxelflow.runtime.adoption import Adoption
-    from taxelflow.sensors.sensor import Sensor
+    from taxelflow.sensors.calibration import Calibration
+    from taxelflow.slip.parameters import SlipMonitor
 
 
 class Live:
@@ -40,8 +41,8 @@ class Live:
     `estimator` and `estimate` raise for these. adoptions: those of a former loop, to reproduce its results from the
     same scans; if left out, what is learned is used when it is ready, and the loop never waits.
 
-    pads: names along the second axis of results. faults: counts of scans that were repeated or late, and of jumps of
-    the clock.
+    pads: names along the second axis of results. faults: counts of scans that were repeated or late, that hold a
+    number beyond 1e30, which is a missing reading, and of jumps of the clock.
     """
 
     def __init__(
@@ -59,18 +60,12 @@ class Live:
     ) -> None:
         if isinstance(sensor, (str, Path)):
             sensor = load_sensor(str(sensor))
+        if not isinstance(sensor, Sensor | Recording):
+            raise ParameterInvalid("sensor", sensor, "be a name, a TOML file, a Sensor or a Recording")
         recording = sensor if isinstance(sensor, Recording) else Recording.live(sensor)
         recording = recording.with_contacts(contacts)
-        if calibration is not None and not isinstance(calibration, Calibration):
-            calibration = load_calibration(calibration)
-        chosen = estimator(method, **parameters) if isinstance(method, str) else method
-        self.pipeline = Pipeline(
-            chosen,
-            "stream",
-            condition or Conditioner(),
-            monitor or SlipMonitor(),
-            calibration=calibration,
-            smooth=smooth or Smoothing(),
+        self.pipeline = pipeline_of(
+            method, "stream", parameters, condition=condition, monitor=monitor, calibration=calibration, smooth=smooth
         )
         self.recording = recording
         self.pads = recording.layout.pads
@@ -91,16 +86,16 @@ class Live:
     def step(self, t_s: float, values: ArrayLike) -> Output:
         """Results that are ready after this scan; none for the first scans, from which noise and tare are learned.
 
-        t_s: the sensor's clock. values: (columns,), readings in the sensor's unit and order, NaN where one is missing;
-        or (rows, cols) of a sensor with one full grid, row 0 on top. A repeated or late scan gives no result;
+        t_s: the sensor's clock. values: (columns,), readings in the sensor's unit and order, NaN or masked where
+        missing; or (rows, cols) of a sensor with one full grid, row 0 on top. A repeated or late scan gives no result;
         after a jump of the clock, time continues from the last scan. Raises TaxelCountWrong, RecordingCorrupt, and
         RunEnded after `finish`.
         """
-        readings = np.asarray(values, dtype=np.float64)
+        readings = floats_of(values)
         sensor = self.recording.sensor
         columns = sensor.channel_map.columns
         if readings.ndim == 2 and readings.shape == sensor.layout.full_grid:
-            readings = sensor.channel_map.to_source(readings.reshape(1, -1))[0]
+            readings = sensor.channel_map.arranged(readings.reshape(1, -1))[0]
         if readings.ndim != 1:
             remedy = f"give ({columns},)" + (f", or {sensor.layout.full_grid}" if sensor.layout.full_grid else "")
             raise RecordingCorrupt("the scan", f"it has shape {readings.shape}", remedy)
@@ -109,13 +104,17 @@ class Live:
         placed_s = self._timeline.place(Arrival(time.monotonic(), float(t_s), readings))
         if placed_s is None:
             return self.push(no_time(columns))
+        self._faults.count_absurd(readings)
         return self.push(RawScans(np.array([placed_s]), readings[np.newaxis]))
 
     def push(self, scans: RawScans) -> Output:
         """Results that are ready after these scans: (scans, columns) as the source sends them, later than all before.
 
-        Raises RunEnded after `finish`.
+        Raises TaxelCountWrong, and RunEnded after `finish`.
         """
+        columns = self.recording.sensor.channel_map.columns
+        if scans.values.ndim != 2 or scans.values.shape[1] != columns:
+            raise TaxelCountWrong("a block", scans.values.shape[-1], self.recording.sensor.name, columns)
         return self.run.step(self.recording.sensor.channel_map.of_source(scans))
 
     def finish(self) -> Output:

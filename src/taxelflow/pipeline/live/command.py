@@ -44,7 +44,7 @@ class FromSource:
 
     def __post_init__(self) -> None:
         if self.max_scans is not None and self.max_scans < 1:
-            raise ParameterInvalid("max-scans", self.max_scans, "be 1 or more")
+            raise ParameterInvalid("max_scans", self.max_scans, "be 1 or more")
         if self.duration is not None and not self.duration > 0:
             raise ParameterInvalid("duration", self.duration, "be above 0 s")
 
@@ -75,7 +75,7 @@ class FromSource:
         """The source. Raises NameUnknown, AddressInvalid, SensorNeeded, and what its device raises."""
         from taxelflow.sensors.catalogue import load_sensor
 
-        address = parse_address(self.source)
+        address = parse_address(self.source, f"replay:{self.source} for a recording")
         make = registry.find("source", address.scheme)
         made: Source = make(address, None if self.sensor is None else load_sensor(self.sensor))
         return made
@@ -168,7 +168,7 @@ def opened_sinks(urls: tuple[str, ...]) -> dict[str, Any]:
     """Sinks by URL, not open yet. Raises NameUnknown, AddressInvalid, and what a sink raises."""
     sinks = {}
     for url in urls:
-        address = parse_address(url)
+        address = parse_address(url, f"tables:{url} for a directory of tables")
         if url in sinks:
             raise AddressInvalid(url, "it is given twice", "each sink once")
         sinks[url] = registry.find("sink", address.scheme)(address)

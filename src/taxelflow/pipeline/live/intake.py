@@ -132,6 +132,7 @@ class Intake(threading.Thread):
             if self._source.patient:
                 sink.give_room()
         if self._estimates:
+            self._source.faults.count_absurd(placed.values)
             self._put(placed)
         return self._most is not None and self.scans_in - self.timeline.dropped >= self._most
 

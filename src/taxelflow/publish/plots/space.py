@@ -16,7 +16,7 @@ from taxelflow.publish.plots.names import finger, free_places, write_names
 from taxelflow.publish.plots.packing import NAME
 from taxelflow.publish.plots.solid import draw_faces, faces, frame, on_paper
 from taxelflow.publish.plots.style import GREY, MAGENTA, TINTS, VERMILION, caption, pale, save, styled, wrapped
-from taxelflow.sensors.hand import PAIRS, JointsInvalid, joint_angles
+from taxelflow.sensors.hand import JointsInvalid, joint_angles, ways
 from taxelflow.sensors.joint_ranges import notes_beyond_ranges
 from taxelflow.sensors.kinematics import PadKinematics, angles_of
 from taxelflow.sensors.pad_geometry import geometry_of
@@ -87,7 +87,7 @@ def in_space(sensor: Sensor, joints: str) -> InSpace:
     kinematics = PadKinematics(sensor)
     if not kinematics.placed.any():
         raise JointsInvalid(joints, f"no pad of {sensor.name} has a link or a pose", "leave --joints out")
-    angles = angles_of(kinematics.joints, joint_angles(named or joints, f"{PAIRS} or a named pose"), sensor.name)
+    angles = angles_of(kinematics.joints, joint_angles(named or joints, ways(sensor.hand, table=False)), sensor.name)
     for note in notes_beyond_ranges(Joints(kinematics.joints, np.zeros(1), angles[np.newaxis]), kinematics.model):
         _log.warning("%s", note)
     T = kinematics.poses(angles[np.newaxis])[0]

@@ -8,6 +8,7 @@ from taxelflow.errors import ExtraMissing, SinkUnusable
 from taxelflow.numerics.clock import nanoseconds
 from taxelflow.publish.sinks.foxglove_messages import Drawing
 from taxelflow.publish.sinks.lines import event_row, object_rows, pad_rows
+from taxelflow.runtime.endpoints import authority
 
 if TYPE_CHECKING:
     from taxelflow.messages import RawScans
@@ -54,7 +55,7 @@ class FoxgloveServer:
                 name="taxelflow", host=self._host, port=self._port, context=context, message_backlog_size=_BACKLOG
             )
         except (RuntimeError, OSError) as error:
-            raise SinkUnusable(f"foxglove://{self._host}:{self._port}", str(error)) from error
+            raise SinkUnusable(f"foxglove://{authority(self._host, self._port)}", str(error)) from error
 
     def write_raw(self, scans: RawScans, *, late: bool) -> None:
         """See `Sink`."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import logging
-import socket
 import time
 from collections import deque
 from contextlib import suppress
@@ -15,8 +14,11 @@ from taxelflow.errors import PortTaken, SinkUnusable
 from taxelflow.publish.sinks.base import ResultSink
 from taxelflow.publish.sinks.lines import json_lines
 from taxelflow.publish.sinks.patient import PatientFile
+from taxelflow.runtime.endpoints import authority, listening, place_of
 
 if TYPE_CHECKING:
+    import socket
+
     from taxelflow.publish.sinks.base import Ending, Head, Update
     from taxelflow.runtime.addresses import Address
 
@@ -119,15 +121,14 @@ class JsonServer(ResultSink):
         """See `Sink`."""
         self._pads, self._report = head.pads, head.report
         try:
-            self._server = socket.create_server(self._endpoint)
+            self._server = listening(self._endpoint)
         except OSError as error:
-            url = f"jsonl-listen://{self._endpoint[0]}:{self._endpoint[1]}"
+            url = f"jsonl-listen://{authority(*self._endpoint)}"
             if error.errno == errno.EADDRINUSE:
                 raise PortTaken(url, self._endpoint[1]) from error
             raise SinkUnusable(url, str(error)) from error
         self._server.setblocking(False)
-        host, port = self._server.getsockname()[:2]
-        _log.warning("JSON lines at %s:%d", host, port)
+        _log.warning("JSON lines at %s", place_of(self._server))
 
     def write(self, update: Update) -> None:
         """See `Sink`."""

@@ -38,7 +38,7 @@ class TablesSink(ResultSink):
             self._opened.append(file)
             return io.TextIOWrapper(io.BufferedWriter(file), newline="", encoding="utf-8")
 
-        self._tables = Tables(self._directory, head.pads, opened)
+        self._tables = Tables(self._directory, head.pads, opened, flushes_first=False)
         try:
             self._tables.__enter__()
         except OSError as error:

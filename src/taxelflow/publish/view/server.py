@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from taxelflow.errors import ExtraMissing, ParameterInvalid
 from taxelflow.runtime.addresses import MOST_PORT
+from taxelflow.runtime.endpoints import authority, family_of
 
 if TYPE_CHECKING:
     from types import TracebackType
@@ -36,7 +37,7 @@ class PageServer:
         _check(host, port)
         with redirect_stdout(StringIO()):  # viser prints a banner, and our own line gives the address
             self.viser: Any = viser.ViserServer(host=host, port=port, label="taxelflow", verbose=False)
-        self.url = f"http://{host}:{self.viser.get_port()}"
+        self.url = f"http://{authority(host, self.viser.get_port())}"
         gui = self.viser.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         gui.set_panel_label("taxelflow")
@@ -71,7 +72,7 @@ def _check(host: str, port: int) -> None:
     if not 0 <= port <= MOST_PORT:
         raise ParameterInvalid("port", port, f"be from 0 to {MOST_PORT}")
     try:
-        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
+        with socket.socket(family_of(host)) as probe:
             probe.bind((host, 0))
     except OSError as error:
         raise ParameterInvalid("host", host, "be an address of this computer, such as 127.0.0.1") from error

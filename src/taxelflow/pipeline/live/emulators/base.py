@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from dataclasses import dataclass
@@ -84,10 +85,15 @@ def parse_fault(text: str) -> Fault:
     if name not in FAULTS:
         raise NameUnknown("fault", name, FAULTS)
     at, _, extent = rest.partition(":")
+    duty = "be NAME@SECONDS or NAME@SECONDS:EXTENT, as in stall@2.5:1"
     try:
-        return Fault(name, float(at), float(extent) if extent else FAULTS[name])
+        fault = Fault(name, float(at), float(extent) if extent else FAULTS[name])
     except ValueError as error:
-        raise ParameterInvalid("fault", text, "be NAME@SECONDS or NAME@SECONDS:EXTENT, as in stall@2.5:1") from error
+        raise ParameterInvalid("fault", text, duty) from error
+    lowest = -math.inf if name == "clock-jump" else 0.0
+    if not (0.0 <= fault.at_s < math.inf and lowest <= fault.extent and math.isfinite(fault.extent)):
+        raise ParameterInvalid("fault", text, f"{duty}, with finite times from 0 on")
+    return fault
 
 
 class Playback:

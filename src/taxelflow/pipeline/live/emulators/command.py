@@ -53,8 +53,8 @@ class Emulate:
         """Open, send, print what was sent."""
         from taxelflow.pipeline.live.emulators.base import Playback, parse_fault
 
-        if self.speed < 0:
-            raise ParameterInvalid("speed", self.speed, "be 0 or more")
+        if not 0 <= self.speed < float("inf"):
+            raise ParameterInvalid("speed", self.speed, "be 0 or more, and finite")
         faults = [parse_fault(text) for text in self.fault]
         recording = self._recording()
         with self._emulator(recording) as emulator:

@@ -15,6 +15,7 @@ from taxelflow.acquire.devices import barrett, dsa, inspire, xela
 from taxelflow.acquire.devices.frames import crc_table
 from taxelflow.errors import ExtraMissing
 from taxelflow.pipeline.live.emulators.streams import Pty
+from taxelflow.runtime.endpoints import authority, family_of, listening, place_of
 
 if TYPE_CHECKING:
     from typing import Self
@@ -45,7 +46,7 @@ class WebSocketServer:
         self._ended = threading.Event()
 
     def __enter__(self) -> Self:
-        self._server = self._serve(self._talk, *self._place)
+        self._server = self._serve(self._talk, sock=listening(self._place))
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
         self.port = self._server.socket.getsockname()[1]
         return self
@@ -103,7 +104,7 @@ class Xela(WebSocketServer):
     @property
     def url(self) -> str:
         """See `Emulator`."""
-        return f"xela://{self._place[0]}:{self.port}"
+        return f"xela://{authority(self._place[0], self.port)}"
 
     def encode(self, t_s: float, values: Floats) -> bytes:
         """See `Emulator`."""
@@ -198,6 +199,10 @@ class _ModbusServer(socketserver.ThreadingTCPServer):
     allow_reuse_address = True
     daemon_threads = True
 
+    def __init__(self, place: tuple[str, int], answer: type[socketserver.BaseRequestHandler]) -> None:
+        self.address_family = family_of(place[0])
+        super().__init__(place, answer)
+
 
 class Inspire:
     """A Modbus TCP server that answers reads of holding registers from the last scan."""
@@ -222,7 +227,7 @@ class Inspire:
 
         self._server = _ModbusServer(self._place, Answer)
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
-        self.url = f"inspire-modbus://{self._place[0]}:{self._server.server_address[1]}"
+        self.url = f"inspire-modbus://{place_of(self._server.socket)}"
         return self
 
     def __exit__(self, *_details: object) -> None:

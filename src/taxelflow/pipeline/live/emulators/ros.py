@@ -13,6 +13,7 @@ from taxelflow.acquire.ros.decode import store_of
 from taxelflow.errors import AddressInvalid
 from taxelflow.pipeline.live.emulators.devices import WebSocketServer
 from taxelflow.pipeline.live.ros2_sink import Ros2Types
+from taxelflow.runtime.endpoints import authority
 
 if TYPE_CHECKING:
     from typing import Self
@@ -43,7 +44,7 @@ class Rosbridge(WebSocketServer):
     @property
     def url(self) -> str:
         """See `Emulator`."""
-        return f"rosbridge://{self._place[0]}:{self.port}{self._topic}"
+        return f"rosbridge://{authority(self._place[0], self.port)}{self._topic}"
 
     def greet(self, client: Any) -> None:
         """Answer until the topic is subscribed to."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from taxelflow.acquire.devices.frames import FrameForm
 from taxelflow.acquire.devices.line import line_of
+from taxelflow.runtime.endpoints import listening, place_of
 
 if TYPE_CHECKING:
     from typing import Self
@@ -108,10 +109,9 @@ class TcpServer(_Tcp):
     """Listens at the address."""
 
     def __enter__(self) -> Self:
-        self._server = socket.create_server(self._endpoint)
+        self._server = listening(self._endpoint)
         self._server.setblocking(False)
-        host, port = self._server.getsockname()[:2]
-        self.url = f"tcp://{host}:{port}"
+        self.url = f"tcp://{place_of(self._server)}"
         return self
 
     def __exit__(self, *details: object) -> None:
