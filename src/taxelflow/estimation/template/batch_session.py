@@ -18,6 +18,7 @@ from taxelflow.estimation.template.map_doubt import of_map
 from taxelflow.estimation.template.map_export import Maps, as_map
 from taxelflow.estimation.template.observations import Scanned, delays_of
 from taxelflow.estimation.template.pose_output import Poses, aligned, poses_of
+from taxelflow.estimation.template.redistributed import apart_from_rest
 from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.estimation.template.warmup import compile_batch
 from taxelflow.messages import AMBIGUOUS, OK, Bools, Estimates, Scans, cut, joined, no_scans
@@ -179,7 +180,10 @@ class BatchSession:
                 as_read = replace(scanned, readings=readings)
                 poses = witnessed(poses, as_read, edge, pitch_m, layout.unseen_error, solved if of_one_map else None)
                 if of_one_map:
-                    poses = poses.open_along(solved.hidden, scanned, pitch_m)
+                    # The centre of pressure follows a load that shifts: it is no witness of rest.
+                    poses = poses.open_along(solved.hidden, scanned, pitch_m).doubted(
+                        apart_from_rest(scanned, solved), pitch_m
+                    )
         is_saturated = ((readings >= scans.ceiling[own]) | (whole == 0)).all(axis=1)
         poses.quality[is_saturated & (poses.quality == OK)] = AMBIGUOUS  # no reading bounds the place
         if len(solved.dead):
