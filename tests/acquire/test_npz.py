@@ -12,6 +12,7 @@ import pytest
 from numpy.lib import format as npy
 
 from synthetic import grid_sensor, times
+from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.npz import open_npz
 from taxelflow.errors import (
     RecordingCorrupt,
@@ -135,6 +136,23 @@ def test_three_numbers_of_each_taxel_may_have_an_axis(tmp_path: Path) -> None:
     np.testing.assert_array_equal(open_npz(tmp_path / "a.npz", sensor).load().values, numbers[..., 2])
     with pytest.raises(TaxelCountWrong, match="for readings of one axis give a sensor file without axes = 3"):
         open_npz(save(tmp_path / "b.npz", pressure=np.zeros((5, 6))), sensor)
+
+
+@pytest.mark.parametrize("order", ["row-major", "column-major"])
+def test_images_of_three_axes_are_read_as_pictures(tmp_path: Path, order: str) -> None:
+    sensor = grid_sensor(2, 3, axes=3, normal="z", shear=("x", "y"))
+    pad = msgspec.structs.replace(sensor.pads[0], order=order, first="bottom-left")
+    sensor = msgspec.structs.replace(sensor, pads=(pad,))
+    images = np.random.default_rng(0).random((40, 2, 3, 3))
+    np.savez(tmp_path / "a.npz", t=times(40), pressure=images)
+    np.save(tmp_path / "a.npy", images)
+    for name, columns in (("a.npz", None), ("a.npy", Columns(rate_hz=100.0))):
+        found = read(tmp_path / name, sensor, columns=columns).load()
+        assert found.shear is not None
+        np.testing.assert_array_equal(found.values, images[..., 2].reshape(40, 6))
+        np.testing.assert_array_equal(found.shear, images[..., :2].reshape(40, 6, 2))
+    with pytest.raises(RecordingCorrupt, match="no full grid"):
+        read(save(tmp_path / "b.npz", pressure=images[:5]), grid_sensor(2, 3))
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ def array_recording(stored: Stored, sensor: Sensor | None, asked: Columns) -> Re
     time, taxels = asked.find(path, [str(number) for number in range(width)], timed=stored.timed)
     if sensor is None:
         raise SensorNeeded(path, builtin_sensors())
-    images = stored.shape[1:] == sensor.layout.full_grid and len(taxels) == width
+    images = stored.shape[1:] in sensor.images and len(taxels) == width
     if not images and len(taxels) != sensor.channel_map.columns:
         raise TaxelCountWrong(path, len(taxels), sensor.name, sensor.channel_map.columns)
     image, grid = tuple(size for size in stored.shape[1:] if size > 1), sensor.layout.full_grid

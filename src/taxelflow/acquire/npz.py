@@ -80,7 +80,7 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
     columns = sensor.channel_map.columns
     if sensor.axes == 3 and rest == [columns // 3, 3]:  # x, y, z of each taxel side by side
         rest = [columns]
-    if len(rest) == 2 and tuple(rest) != sensor.layout.full_grid:
+    if len(rest) > 1 and tuple(rest) not in sensor.images:
         seen = f"pressure has shape {pressure.shape}, which is no full grid of sensor {sensor.name}"
         raise RecordingCorrupt(path, seen, f"give pressure (scans, {columns})")
     if len(rest) == 1 and rest[0] != sensor.channel_map.columns:
@@ -89,7 +89,7 @@ def open_npz(path: Path, sensor: Sensor | None) -> Recording:
         path,
         "npz",
         sensor,
-        lambda: _in_columns(_read(path, times, pressure, scans_per_block(sensor)), sensor, images=len(rest) == 2),
+        lambda: _in_columns(_read(path, times, pressure, scans_per_block(sensor)), sensor, images=len(rest) > 1),
         scans=scans,
         masked=_mask(path, extras, sensor.layout.taxels),
         truth=_truth(path, extras, sensor),
@@ -114,7 +114,7 @@ def _contents(path: Path) -> tuple[_Header, _Header, Members]:
             extras = {name: _extra(archive, name) for name in _EXTRAS & names}
     except _DAMAGE as error:
         raise RecordingCorrupt(path, str(error) or type(error).__name__, _REMEDY) from error
-    shaped = len(times.shape) == 1 and len(pressure.shape) in (2, 3) and times.shape[0] == pressure.shape[0]
+    shaped = len(times.shape) == 1 and len(pressure.shape) in (2, 3, 4) and times.shape[0] == pressure.shape[0]
     if not shaped or times.dtype.kind not in "fiu" or pressure.dtype.kind not in "fiu":
         raise RecordingCorrupt(path, f"t is {times} and pressure {pressure}", _REMEDY)
     return times, pressure, extras

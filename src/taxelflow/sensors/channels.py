@@ -76,12 +76,14 @@ class ChannelMap:
         return RawScans(raw.t_s, values, np.take(sent, self.shear_column, axis=1) * self.shear_factor)
 
     def arranged(self, images: Floats) -> Floats:
-        """(scans, taxels), a source's numbers in the order of the layout -> (scans, columns) in the source's order.
+        """(scans, taxels), or (scans, taxels x 3) with x, y, z side by side, a source's numbers in the order of the
+        layout -> (scans, columns) in the source's order.
 
         Columns of no taxel are 0.
         """
+        axes = images.shape[1] // len(self.column)
         values = np.zeros((len(images), self.columns))
-        values[:, self.column] = images
+        values[:, ((self.column - self.column % axes)[:, np.newaxis] + np.arange(axes)).ravel()] = images
         return values
 
     def to_source(self, readings: Floats, shear: Floats | None = None) -> Floats:

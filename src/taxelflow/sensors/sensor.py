@@ -90,6 +90,12 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash
         return _layout(self)
 
     @property
+    def images(self) -> list[tuple[int, ...]]:
+        """Shapes of a scan as an image, row 0 on top: (rows, cols) of a full grid, or (rows, cols, 3) of three axes."""
+        grid = self.layout.full_grid
+        return [] if grid is None else [grid, (*grid, 3)] if self.axes == 3 else [grid]
+
+    @property
     def channel_map(self) -> ChannelMap:
         """Map from a source's scans to readings, computed once."""
         return _channel_map(self)

@@ -323,8 +323,9 @@ def test_live_takes_a_scan_as_the_image_of_a_full_grid(order: str, memory: Any) 
         (PALM, (), r"it has shape \(\); give \(28,\), or \(4, 7\)$"),
         (grid_sensor(4, 7, pads=2), (4, 7), r"it has shape \(4, 7\); give \(56,\)$"),
         (grid_sensor(4, 7, missing=((0, 0),)), (4, 7), r"it has shape \(4, 7\); give \(27,\)$"),
+        (grid_sensor(2, 3, axes=3, normal="z"), (3, 2), r"give \(18,\), or \(2, 3\), or \(2, 3, 3\)$"),
     ],
-    ids=["transposed", "block", "number", "two pads", "gap"],
+    ids=["transposed", "block", "number", "two pads", "gap", "three axes"],
 )
 def test_live_refuses_an_image_that_is_no_full_grid(sensor: Sensor, shape: tuple[int, ...], says: str) -> None:
     with pytest.raises(RecordingCorrupt, match=says):

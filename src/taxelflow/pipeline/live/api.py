@@ -87,17 +87,18 @@ class Live:
         """Results that are ready after this scan; none for the first scans, from which noise and tare are learned.
 
         t_s: the sensor's clock. values: (columns,), readings in the sensor's unit and order, NaN or masked where
-        missing; or (rows, cols) of a sensor with one full grid, row 0 on top. A repeated or late scan gives no result;
+        missing; or (rows, cols) of a sensor with one full grid, row 0 on top, (rows, cols, 3) of three axes. A repeated
+        or late scan gives no result;
         after a jump of the clock, time continues from the last scan. Raises TaxelCountWrong, RecordingCorrupt, and
         RunEnded after `finish`.
         """
         readings = floats_of(values)
         sensor = self.recording.sensor
         columns = sensor.channel_map.columns
-        if readings.ndim == 2 and readings.shape == sensor.layout.full_grid:
+        if readings.ndim > 1 and readings.shape in sensor.images:
             readings = sensor.channel_map.arranged(readings.reshape(1, -1))[0]
         if readings.ndim != 1:
-            remedy = f"give ({columns},)" + (f", or {sensor.layout.full_grid}" if sensor.layout.full_grid else "")
+            remedy = f"give ({columns},)" + "".join(f", or {shape}" for shape in sensor.images)
             raise RecordingCorrupt("the scan", f"it has shape {readings.shape}", remedy)
         if len(readings) != columns:
             raise TaxelCountWrong("the scan", len(readings), sensor.name, columns)
