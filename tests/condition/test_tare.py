@@ -116,6 +116,14 @@ def offset_of(windows: Floats, noise: float = 1.0, reference: float = 1e6) -> Fl
     return estimate_offset(windows, np.full(36, noise), ALL, PAIRS, reference)
 
 
+@pytest.mark.parametrize(("change", "idle"), [(5.5, True), (6.5, False)])
+def test_a_window_in_which_a_taxel_changes_is_not_idle(change: float, idle: bool) -> None:
+    """Feet on coarse taxels are as unstructured as offsets; while they slide their taxels change."""
+    window = np.tile(100.0 * CHECKERBOARD, (1, 12, 1))
+    window[:, 6:, 7] += change * np.sqrt(1 / 6 + 1 / 6)  # standard deviations of the difference of both halves
+    assert (offset_of(window, reference=np.inf) is not None) == idle
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("share", "found"), [(0.099, True), (0.101, False)])
 def test_an_offset_is_below_a_tenth_of_the_reference(share: float, found: bool, sign: int) -> None:

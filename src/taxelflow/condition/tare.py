@@ -1,6 +1,6 @@
 """Offset of idle taxels, estimated without mistaking a steady contact for an offset.
 
-A pad is idle where its sum is lowest, and only if the readings there are small (all taxels below a share of the
+A pad is idle where its sum is lowest, and only if the readings there stay, are small (all taxels below a share of the
 reference) and spatially unstructured: no taxel is an outlier, and neighbours differ as much as any two taxels. A
 contact is smooth; the offsets of taxels are not.
 A pad without idle windows has taxels that are unloaded in some scans (`resting.py`). They have the offsets of those
@@ -75,11 +75,29 @@ def estimate_offset(
         sums = live.mean(axis=1).sum(axis=1)
         tolerance = CERTAIN * np.sqrt(np.sum(noise[~masked] ** 2) / live.shape[1])
     idle = live[sums <= sums.min() + tolerance]
+    idle = idle[_stay(idle, noise[~masked])]
+    if not len(idle):
+        return None
     offset = np.zeros(len(masked))
     offset[~masked] = idle.mean(axis=(0, 1))
     offset_std = float(noise.max()) / np.sqrt(idle.shape[0] * idle.shape[1])
     small = np.abs(offset).max() <= MAX_OFFSET_SHARE * reference
     return offset if small and is_unstructured(offset, masked, neighbours, offset_std) else None
+
+
+def _stay(windows: Floats, noise: Floats) -> Bools:
+    """(windows,), whether the means of both halves of a window (scans, taxels) are equal, as far as noise (taxels,)
+    lets them be: under an object that slides they are not.
+    """
+    scans = windows.shape[1]
+    half = scans // 2
+    if not half:
+        return np.ones(len(windows), np.bool_)
+    with np.errstate(over="ignore", invalid="ignore"):
+        change = np.abs(windows[:, :half].mean(axis=1) - windows[:, half:].mean(axis=1))
+        certain: Bools = change > CERTAIN * noise * np.sqrt(1.0 / half + 1.0 / (scans - half))
+    stays: Bools = ~np.any(certain, axis=1)
+    return stays
 
 
 def _filled(windows: Floats, masked: Bools) -> Floats:
