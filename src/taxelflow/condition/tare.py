@@ -75,8 +75,7 @@ def estimate_offset(
         sums = live.mean(axis=1).sum(axis=1)
         tolerance = CERTAIN * np.sqrt(np.sum(noise[~masked] ** 2) / live.shape[1])
     idle = live[sums <= sums.min() + tolerance]
-    idle = idle[_stay(idle, noise[~masked])]
-    if not len(idle):
+    if not _stay(idle, noise[~masked]).any():
         return None
     offset = np.zeros(len(masked))
     offset[~masked] = idle.mean(axis=(0, 1))
