@@ -153,6 +153,11 @@ def test_images_of_three_axes_are_read_as_pictures(tmp_path: Path, order: str) -
         np.testing.assert_array_equal(found.shear, images[..., :2].reshape(40, 6, 2))
     with pytest.raises(RecordingCorrupt, match="no full grid"):
         read(save(tmp_path / "b.npz", pressure=images[:5]), grid_sensor(2, 3))
+    np.save(tmp_path / "b.npy", images.transpose(0, 2, 1, 3))
+    with pytest.raises(
+        RecordingCorrupt, match=r"its scans have shape \(3, 2, 3\), and the grid of sensor grid \(2, 3\)"
+    ):
+        read(tmp_path / "b.npy", sensor, columns=Columns(rate_hz=100.0))
 
 
 @pytest.mark.parametrize(

@@ -58,16 +58,23 @@ def array_recording(stored: Stored, sensor: Sensor | None, asked: Columns) -> Re
     if sensor is None:
         raise SensorNeeded(path, builtin_sensors())
     images = stored.shape[1:] in sensor.images and len(taxels) == width
-    if not images and len(taxels) != sensor.channel_map.columns:
-        raise TaxelCountWrong(path, len(taxels), sensor.name, sensor.channel_map.columns)
-    image, grid = tuple(size for size in stored.shape[1:] if size > 1), sensor.layout.full_grid
-    if len(image) == 2 and sensor.axes == 1 and grid and image != tuple(size for size in grid if size > 1):
-        seen = f"its scans have shape {image}, and the grid of sensor {sensor.name} {grid}"
+    columns = sensor.channel_map.columns
+    if not images and len(taxels) != columns:
+        raise TaxelCountWrong(path, len(taxels), sensor.name, columns)
+    image = _without_ones(stored.shape[1:])
+    side_by_side = sensor.axes == 3 and image == (columns // 3, 3)
+    if len(image) > 1 and sensor.images and not side_by_side and image not in map(_without_ones, sensor.images):
+        seen = f"its scans have shape {image}, and the grid of sensor {sensor.name} {sensor.layout.full_grid}"
         raise RecordingCorrupt(path, seen, "give (scans, rows, cols) with row 0 on top, or (scans, taxels)")
     arranged = sensor.channel_map.arranged if images else None
     reader = _Reader(stored, asked, time, taxels, scans_per_block(sensor), arranged)
     notes = () if asked.rate_hz is None else (f"times computed from the rate of {asked.rate_hz:g} Hz",)
     return Recording(path, stored.format, sensor, reader.blocks, scans=scans, notes=notes)
+
+
+def _without_ones(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """A shape without axes of length 1."""
+    return tuple(size for size in shape if size > 1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,7 +75,7 @@ def estimate_offset(
         sums = live.mean(axis=1).sum(axis=1)
         tolerance = CERTAIN * np.sqrt(np.sum(noise[~masked] ** 2) / live.shape[1])
     idle = live[sums <= sums.min() + tolerance]
-    if not _stay(idle, noise[~masked]).any():
+    if _always_changes(idle, noise[~masked]):
         return None
     offset = np.zeros(len(masked))
     offset[~masked] = idle.mean(axis=(0, 1))
@@ -84,19 +84,18 @@ def estimate_offset(
     return offset if small and is_unstructured(offset, masked, neighbours, offset_std) else None
 
 
-def _stay(windows: Floats, noise: Floats) -> Bools:
-    """(windows,), whether the means of both halves of a window (scans, taxels) are equal, as far as noise (taxels,)
-    lets them be: under an object that slides they are not.
+def _always_changes(windows: Floats, noise: Floats) -> bool:
+    """Whether some taxel of each window (windows, scans, taxels) differs between its halves by more than noise
+    (taxels,) explains, as under an object that slides.
     """
     scans = windows.shape[1]
     half = scans // 2
     if not half:
-        return np.ones(len(windows), np.bool_)
+        return False
     with np.errstate(over="ignore", invalid="ignore"):
         change = np.abs(windows[:, :half].mean(axis=1) - windows[:, half:].mean(axis=1))
-        certain: Bools = change > CERTAIN * noise * np.sqrt(1.0 / half + 1.0 / (scans - half))
-    stays: Bools = ~np.any(certain, axis=1)
-    return stays
+    certain = change > CERTAIN * noise * np.sqrt(1.0 / half + 1.0 / (scans - half))
+    return bool(certain.any(axis=1).all())
 
 
 def _filled(windows: Floats, masked: Bools) -> Floats:

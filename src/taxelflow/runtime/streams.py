@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def settle_streams() -> None:
-    """A stream that is closed, as a daemon's, takes all and keeps nothing; a letter that a terminal lacks is a mark."""
+    """Replace closed streams, such as a daemon's, by the null device; letters that a terminal lacks become a mark."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:

@@ -93,7 +93,9 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash
     def images(self) -> list[tuple[int, ...]]:
         """Shapes of a scan as an image, row 0 on top: (rows, cols) of a full grid, or (rows, cols, 3) of three axes."""
         grid = self.layout.full_grid
-        return [] if grid is None else [grid, (*grid, 3)] if self.axes == 3 else [grid]
+        if grid is None:
+            return []
+        return [grid, (*grid, 3)] if self.axes == 3 else [grid]
 
     @property
     def channel_map(self) -> ChannelMap:

@@ -92,7 +92,7 @@ def fit_pose(
         linearise(seen, scan, centre, limits, contacts, anchors, body)
         fill_joints(J, joint_std, centre, limits.length_m, contacts)
         doubt_all(contacts, usual)
-        # Each step rejects contacts anew, because the pose improves.
+        # The pose has improved: which contacts disagree with it is decided again.
         verdict = solve_robustly(contacts, limits.pose_m, usual, solution)
         for i in range(3):
             step[i], step[3 + i] = solution.xi[i], solution.xi[3 + i] / limits.length_m

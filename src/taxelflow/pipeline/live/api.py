@@ -87,8 +87,8 @@ class Live:
         """Results that are ready after this scan; none for the first scans, from which noise and tare are learned.
 
         t_s: the sensor's clock. values: (columns,), readings in the sensor's unit and order, NaN or masked where
-        missing; or (rows, cols) of a sensor with one full grid, row 0 on top, (rows, cols, 3) of three axes. A repeated
-        or late scan gives no result;
+        missing; or (rows, cols) of a sensor with one full grid, row 0 on top, (rows, cols, 3) of three axes.
+        A repeated or late scan gives no result;
         after a jump of the clock, time continues from the last scan. Raises TaxelCountWrong, RecordingCorrupt, and
         RunEnded after `finish`.
         """

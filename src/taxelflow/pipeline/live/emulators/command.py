@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.errors import NameUnknown
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import Address, parse_address
+from taxelflow.runtime.checks import not_negative
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,8 +54,7 @@ class Emulate:
         """Open, send, print what was sent."""
         from taxelflow.pipeline.live.emulators.base import Playback, parse_fault
 
-        if not 0 <= self.speed < float("inf"):
-            raise ParameterInvalid("speed", self.speed, "be 0 or more, and finite")
+        not_negative("speed", self.speed)
         faults = [parse_fault(text) for text in self.fault]
         recording = self._recording()
         with self._emulator(recording) as emulator:
