@@ -39,8 +39,8 @@ _GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
 """Bounds of gains, and of the logarithm of sizes, against steps that diverge."""
 _WORSE = 1.1
 """A round that increases the cost by this factor is undone."""
-_PROBES = 16
-"""Random vectors of the estimate of a trace."""
+_PROBES, _PROBED = 16, 16_000
+"""Random vectors of the estimate of a trace, at most, and times knots: its relative error falls with both."""
 LEAST_INFORMATION = 1e-9
 """Added to the information on each component of a state, which may be 0."""
 _RIDGE = 1e-12
@@ -128,13 +128,14 @@ class _Linear:
     def determined(self, factor: Factor) -> float:
         """Number of coefficients that the readings determine, not their priors: a trace, by random vectors."""
         pattern, knots = self.pattern, len(self.normal.right)
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], (_PROBES, knots))
+        probes = min(_PROBES, -(-_PROBED // knots))
+        signs = np.random.default_rng(0).choice([-1.0, 1.0], (probes, knots))
         held = np.empty(knots)
         total = 0.0
         for sign, back in zip(signs, factor.solve(signs.T).T, strict=True):
             multiply(self.smooth, pattern.shape[1], sign, held)
             total += knots - float(back @ (pattern.smoothing * held + pattern.prior * sign))
-        return total / _PROBES
+        return total / probes
 
     def to_knots(self, step: Floats) -> Floats:
         """(knots,), effect of steps of the states (scans, 5) on the coefficients' equations."""

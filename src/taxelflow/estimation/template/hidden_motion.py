@@ -55,6 +55,9 @@ _SHOWN = 2.0
 _SAME = 0.87
 """Cosine of directions that are tested as one."""
 _MOST_SCANS = 24
+_WINDOW = 8.0
+"""Pitches from the middle to the sides of the square of a large pad that is tested. A fit's time grows with the fourth
+power of the width."""
 _LEAST_SHOWN = 1e-3
 """Share of the largest slopes, and of the largest pressure, squared, below which a scan is not known to show less."""
 
@@ -114,22 +117,19 @@ def _hidden(scans: Readings, edge: Bools, sides: Floats, out: Floats) -> None:
 def _texture(scanned: Scanned, solved: Solved) -> tuple[Floats, float]:
     """(2, 2), the map's squared slopes where scans read it, and what faults of single taxels make of them."""
     some = _spread(len(scanned))
-    slopes, pressure = _slopes(scanned.taken(some), replace(solved, states=solved.states[some]))
-    by_faults = 2.0 * scanned.unseen_error**2 * float(pressure.sum())  # neighbours differ by two faults
-    texture: Floats = slopes.sum(axis=0)
+    pressure, slopes = _evaluated(scanned.taken(some), replace(solved, states=solved.states[some]))
+    by_faults = 2.0 * scanned.unseen_error**2 * float(np.sum(pressure**2))  # neighbours differ by two faults
+    texture: Floats = np.tensordot(slopes, slopes, axes=([0, 1], [0, 1]))
     return texture, by_faults
 
 
-def _slopes(scanned: Scanned, solved: Solved) -> tuple[Floats, Floats]:
-    """(scans, 2, 2), sum of the products of the map's slopes where each scan reads it; (scans,), of its squares."""
-    values, one = np.empty((scanned.places.shape[1], 5)), solved.pattern
-    slopes, pressure = np.zeros((len(scanned), 2, 2)), np.zeros(len(scanned))
+def _evaluated(scanned: Scanned, solved: Solved) -> tuple[Floats, Floats]:
+    """The map where each scan reads it, (scans, taxels), and its slopes (scans, taxels, 2); 0 where it does not."""
+    values, one = np.empty((*scanned.readings.shape, 5)), solved.pattern
     for k in range(len(scanned)):
-        evaluate(one.coefficients, one.lattice, scanned.places, solved.states[k], scanned.bends[k], values)
-        used = (scanned.variance[k] > 0) & np.isfinite(values[:, 0])
-        slopes[k] = values[used, 1:3].T @ values[used, 1:3]
-        pressure[k] = float(np.sum(np.maximum(values[used, 0], 0.0) ** 2))
-    return slopes, pressure
+        evaluate(one.coefficients, one.lattice, scanned.places, solved.states[k], scanned.bends[k], values[k])
+    values[(scanned.variance == 0) | np.isnan(values[:, :, 0])] = 0.0
+    return np.maximum(values[:, :, 0], 0.0), values[:, :, 1:3]
 
 
 def _spread(count: int) -> NDArray[np.int64]:
@@ -142,9 +142,12 @@ def _is_determined(scanned: Scanned, solved: Solved, direction: Floats) -> bool:
     some = _spread(len(scanned))
     scans, states = _repeated(scanned.taken(some), solved.states[some])
     own, at = replace(solved, states=states), states[:, :2] @ direction
-    left = min(_left_along(scans, own, direction, at, start) for start in _starts(solved))
+    part = _most_textured(scans, own, direction)
+    if 2 * np.count_nonzero(part) < len(part):
+        scans = scans.on(part)
+    left = min(_left_along(scans, own, direction, at, start) for start in _starts(own))
     ramp = _CHANGED * _progress(scans, own, direction)
-    changed = [(at + way * ramp, max(_TIMES * left, _FAULTS * scanned.unseen_error)) for way in (1.0, -1.0)]
+    changed = [(at + way * ramp, max(_TIMES * left, _FAULTS * scans.unseen_error)) for way in (1.0, -1.0)]
     if np.ptp(at) > _SHORTEST:
         middle = at.mean()
         changed += [(np.full(len(at), middle), _TIMES * left)]
@@ -152,8 +155,18 @@ def _is_determined(scanned: Scanned, solved: Solved, direction: Floats) -> bool:
     return all(
         _left_along(scans, own, direction, other, start, most=most) > most
         for other, most in changed
-        for start in _starts(solved)
+        for start in _starts(own)
     )
+
+
+def _most_textured(scanned: Scanned, solved: Solved, direction: Floats) -> Bools:
+    """(taxels,), those of the square in which the map's slopes along a direction are largest."""
+    _, slopes = _evaluated(scanned, solved)
+    squared = np.sum((slopes @ direction) ** 2, axis=0)
+    middles = _WINDOW * np.unique((scanned.places / _WINDOW).round(), axis=1)
+    within = np.abs(scanned.places[:, :, np.newaxis] - middles[:, np.newaxis]).max(axis=0) <= _WINDOW
+    most: Bools = within[:, np.argmax(squared @ within)]
+    return most
 
 
 def _starts(solved: Solved) -> tuple[float, float]:
@@ -163,8 +176,9 @@ def _starts(solved: Solved) -> tuple[float, float]:
 
 def _progress(scanned: Scanned, solved: Solved, direction: Floats) -> Floats:
     """(scans,), from -0.5 to 0.5, by which a motion is changed: most where the map's slopes show it least."""
-    slopes, pressure = _slopes(scanned, solved)
-    shown = (slopes @ direction) @ direction / np.maximum(pressure, _LEAST_SHOWN * scanned.amplitude**2)
+    pressure, slopes = _evaluated(scanned, solved)
+    squared = np.sum((slopes @ direction) ** 2, axis=1)
+    shown = squared / np.maximum(np.sum(pressure**2, axis=1), _LEAST_SHOWN * scanned.amplitude**2)
     pace = 1.0 / (_LEAST_SHOWN + shown / max(shown.max(), np.finfo(float).tiny))
     progress = np.cumsum(pace) - 0.5 * pace
     changed: Floats = (progress - progress[0]) / (progress[-1] - progress[0]) - 0.5

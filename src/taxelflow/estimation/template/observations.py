@@ -178,6 +178,13 @@ class Scanned:
         t_s, readings, variance = self.t_s[which], self.readings[which], self.variance[which]
         return replace(self, t_s=t_s, readings=readings, variance=variance, bends=self.bends[which])
 
+    def on(self, taxels: Bools) -> Scanned:
+        """The scans on a part of the pad (taxels,)."""
+        part = replace(self, places=self.places[:, taxels], readings=self.readings[:, taxels], alive=self.alive[taxels])
+        part.variance, part.ceiling, part.delay_s = self.variance[:, taxels], self.ceiling[taxels], self.delay_s[taxels]
+        part.bends = self.bends[:, :, taxels] if self.rolling else self.bends
+        return part
+
     def divided(self, gains: Floats) -> Scanned:
         """The scans with the readings of each taxel divided by its gain (taxels,), see `divided`."""
         readings, variance, ceiling = divided(self.readings, self.variance, self.ceiling, gains)
