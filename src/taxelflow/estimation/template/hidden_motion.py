@@ -36,8 +36,8 @@ _CHANGED = 2.0
 """Pitches by which the motion is changed: what one taxel reads, its neighbours must read, too."""
 _SCALED, _SHORTEST = (0.5, 1.5), 0.5
 """Factors of the motion, if its range exceeds this many pitches: the curvature of a dome's map depends on its path."""
-_TIMES, _TIMES_SCALED = 1.5, 1.2
-"""Times the error that the motion leaves as it is, which another leaves at least; the same of one that is scaled."""
+_TIMES = 1.2
+"""Times the error that the motion leaves as it is, which another leaves at least."""
 _FAULTS = 0.2
 """What faults of taxels beside their gains leave of the largest reading, as a share of `unseen_error`."""
 _GAIN, _MOST_GAIN = 4.0, 0.5
@@ -46,8 +46,10 @@ _LOADED = 0.05
 """Share of the contact's largest reading from which a taxel's gain is estimated."""
 _LEAST_ERROR = 0.003
 """The smallest error from which a fit begins."""
-_ROUNDS = 3, 2, 2, 2
-"""Rounds of fits; gains are estimated after each but the first."""
+_ROUNDS = 3, *(2,) * 11
+"""Rounds of fits at most; gains are estimated after each but the first."""
+_FITS, _CONVERGED = 4, 0.97
+"""Fits at least, and the ratio of the errors of two fits from which more of them lower it no further."""
 _FEWEST, _READINGS = 16, 2000
 """Scans, and readings in them, that the smoothing of a map does not outweigh: fewer are repeated."""
 _SHOWN = 2.0
@@ -150,8 +152,8 @@ def _is_determined(scanned: Scanned, solved: Solved, direction: Floats) -> bool:
     changed = [(at + way * ramp, max(_TIMES * left, _FAULTS * scans.unseen_error)) for way in (1.0, -1.0)]
     if np.ptp(at) > _SHORTEST:
         middle = at.mean()
-        changed += [(np.full(len(at), middle), _TIMES * left)]
-        changed += [(middle + factor * (at - middle), _TIMES_SCALED * left) for factor in _SCALED]
+        scaled = [middle + factor * (at - middle) for factor in _SCALED]
+        changed += [(other, _TIMES * left) for other in (np.full(len(at), middle), *scaled)]
     return all(
         _left_along(scans, own, direction, other, start, most=most) > most
         for other, most in changed
@@ -217,9 +219,12 @@ def _left_along(
     off, gains = min(_GAIN * scanned.unseen_error, _MOST_GAIN), np.ones(scanned.readings.shape[1])
     now = along
     for k, rounds in enumerate(_ROUNDS):
+        before = error
         fit = refine(pattern, now, states, rounds=rounds, error=error, stiffness=stiffness)
         error = learned_error(fit, now)
         if error <= most or (k == 0 and error - off * _rms(along) > most > 0.0):
+            break
+        if k + 1 >= _FITS and error > _CONVERGED * before:
             break
         if k > 0:
             gains = np.clip(gains * _gains(now, fit), 1.0 - off, 1.0 + off)
