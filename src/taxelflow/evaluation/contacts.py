@@ -17,6 +17,7 @@ from taxelflow.evaluation.bound import FEWEST
 from taxelflow.evaluation.cells import caption
 from taxelflow.evaluation.nees import SPANS, Consistency, consistency
 from taxelflow.evaluation.pose_errors import without_frame
+from taxelflow.evaluation.statistics import rms
 from taxelflow.messages import LOST, OK
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
@@ -265,6 +266,6 @@ def _row(key: Key, own: list[_Contact]) -> ContactRow:
         known=sum(int((one.known & one.touched).sum()) for one in own) / max(touched, 1),
         ok=sum(int((one.ok & one.touched).sum()) for one in own) / max(touched, 1),
         rms_mm=1e3 * float(np.sqrt(np.mean(np.sum(far**2, axis=1)))) if len(far) else None,
-        rms_deg=float(np.degrees(np.sqrt(np.mean(turn**2)))) if len(turn) else None,
+        rms_deg=float(np.degrees(rms(turn))) if len(turn) else None,
         consistency=[consistency([(one.error, one.covariance) for one in own], over) for over in SPANS],
     )

@@ -16,6 +16,7 @@ from rich.console import Console
 
 from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number, short
+from taxelflow.evaluation.statistics import rms
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least
@@ -198,8 +199,8 @@ def _row(scene: str, method: str, cut: _Cut, estimated: Floats, true: Floats) ->
         vectors=int(_vectors(cut.sensor)),
         cut=cut.name,
         direction_deg=float(np.degrees(np.median(off))) if moves.any() else None,
-        speed_percent=100 * _rms(error) / _rms(speed[moves]) if moves.any() else None,
-        turn_percent=100 * _rms(wrong) / _rms(turn[turns]),
+        speed_percent=100 * rms(error) / rms(speed[moves]) if moves.any() else None,
+        turn_percent=100 * rms(wrong) / rms(turn[turns]),
         turn_bias_percent=100 * float(np.mean(np.sign(turn[turns]) * wrong)) / float(np.mean(np.abs(turn[turns]))),
         scans=len(estimated),
     )
@@ -208,7 +209,3 @@ def _row(scene: str, method: str, cut: _Cut, estimated: Floats, true: Floats) ->
 def _vectors(sensor: Sensor) -> int:
     grouped = {patch.pad for group in sensor.groups for patch in group.patches}
     return len(sensor.groups) + sum(pad.origin_m is not None and pad.name not in grouped for pad in sensor.pads)
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))

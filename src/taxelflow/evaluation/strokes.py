@@ -16,6 +16,7 @@ import numpy as np
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.base import unwatched
 from taxelflow.evaluation.bound import bound_of
+from taxelflow.evaluation.statistics import rms
 from taxelflow.messages import LOST, joined
 from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.pipeline import api
@@ -271,7 +272,7 @@ def _row(speed: int, method: str, scans: str, fitted: tuple[float, float], strok
     factor, factor_error = fitted
     velocity = factor * velocity
     error = sign * velocity - speed
-    rmse = float(np.sqrt(np.mean(error**2)))
+    rmse = rms(error)
     spread = float(np.std(error**2) / np.sqrt(len(error)) / (2 * rmse))
     return Row(
         nominal_mm_s=speed,

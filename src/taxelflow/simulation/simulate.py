@@ -15,6 +15,7 @@ from taxelflow.acquire.npz import write_npz
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.messages import RawScans, cut
 from taxelflow.numerics.geometry import inverse_transform
+from taxelflow.runtime.whole_file import whole_file
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.contact import taxel_pressure
 from taxelflow.simulation.load import State, state_at
@@ -83,9 +84,8 @@ def of_second(scenario: Scenario) -> Scenario:
 def save(scenario: Scenario, path: Path) -> Recording:
     """Simulate, and write an `.npz` recording with truth and all parameters; atomically."""
     recording = simulate(scenario)
-    part = path.with_name(path.name + ".part")
-    write_npz(recording, part, recording.source_blocks(), parameters=json.dumps(asdict(scenario)))
-    part.replace(path)
+    with whole_file(path) as part:
+        write_npz(recording, part, recording.source_blocks(), parameters=json.dumps(asdict(scenario)))
     return recording
 
 

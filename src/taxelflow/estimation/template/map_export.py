@@ -15,6 +15,7 @@ from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.messages import LearnedPattern
 from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.bspline import STATE, evaluate, state_of
+from taxelflow.numerics.geometry import rotation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -105,7 +106,7 @@ def mapped(
     pose: (3,) of the last state, in the frame asked for. std: with the poses held.
     """
     last, theta = states[-1], float(np.nan_to_num(pose[2]))
-    turn, back = _rotation(state_of(last).theta - theta), _rotation(-theta)
+    turn, back = rotation(state_of(last).theta - theta), rotation(-theta)
     shift = back @ (last[:2] - pose[:2])
     looked = coverage(scanned, states) @ turn.T + shift
     low, high = pattern.box
@@ -124,11 +125,6 @@ def mapped(
     inside = slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1)
     std = np.where(known, np.sqrt(np.maximum(variance, 0.0)), np.nan)
     return x[inside[1]], y[inside[0]], pressure[inside], std[inside]
-
-
-def _rotation(angle: float) -> Floats:
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.array([[cos, -sin], [sin, cos]])
 
 
 def _values(pattern: Pattern, coefficients: Floats, places: Floats) -> Floats:
