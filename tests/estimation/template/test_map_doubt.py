@@ -7,8 +7,8 @@ import pytest
 
 from taxelflow.estimation.template import map_doubt
 from taxelflow.estimation.template.bundle_adjustment import information_of
-from taxelflow.estimation.template.hypotheses import coarse, covering
-from taxelflow.estimation.template.map import Pattern, fill
+from taxelflow.estimation.template.hypotheses import coarse
+from taxelflow.estimation.template.map import Pattern, covering, fill
 from taxelflow.estimation.template.map_doubt import of_map
 from taxelflow.estimation.template.normal_equations import Normal, assemble
 from taxelflow.estimation.template.observations import Scanned

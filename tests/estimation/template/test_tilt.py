@@ -3,8 +3,7 @@
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import information_of
-from taxelflow.estimation.template.hypotheses import covering
-from taxelflow.estimation.template.map import fill
+from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.tilt import without_tilt
 

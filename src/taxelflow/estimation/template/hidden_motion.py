@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import refine
-from taxelflow.estimation.template.hypotheses import coarse, covering, refined
+from taxelflow.estimation.template.hypotheses import coarse, refined
 from taxelflow.estimation.template.likelihood import learned_error
-from taxelflow.estimation.template.map import fill
+from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.scaling import SIZE_STD
 from taxelflow.numerics.bspline import STATE, evaluate, states_of

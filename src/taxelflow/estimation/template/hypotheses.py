@@ -12,7 +12,7 @@ from taxelflow.estimation.template.bundle_adjustment import Fit, refine
 from taxelflow.estimation.template.depth import DEPTH_STD, as_heights, take_depth, with_depth
 from taxelflow.estimation.template.initialization import IncrementalMapper
 from taxelflow.estimation.template.likelihood import cost, learned_error
-from taxelflow.estimation.template.map import Pattern, fill
+from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.rivals import agreement, apart_by_growth, apart_by_turn, reported
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
@@ -27,7 +27,7 @@ from taxelflow.estimation.template.turning import (
     turns_steadily,
     turns_surely,
 )
-from taxelflow.numerics.bspline import in_object, states_of
+from taxelflow.numerics.bspline import states_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
@@ -207,12 +207,6 @@ def coarse(scanned: Scanned, states: Floats, *, turns: bool, rounds: int = _FIRS
     stiffness = scanned.stiffness(turns=turns, gain_std=FIRST_GAIN_STD)
     fit = refine(pattern, scanned, states, rounds=rounds, error=COARSE, stiffness=stiffness)
     return Solved(pattern, states, fit, learned_error(fit, scanned), FIRST_GAIN_STD, turns)
-
-
-def covering(scanned: Scanned, states: Floats) -> Pattern:
-    """A pattern of zeros over all that the scans load at states (scans, 5)."""
-    reached = [in_object(scanned.places[:, own].T, state) for own, state in zip(scanned.loaded(), states, strict=True)]
-    return Pattern.covering(np.concatenate(reached), scanned.amplitude)
 
 
 def refined(scanned: Scanned, start: Solved) -> Solved:

@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.hypotheses import covering
-from taxelflow.estimation.template.map import fill
+from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.rivals import reported
 from taxelflow.numerics.bspline import STATE, evaluate, in_object, state_of
 

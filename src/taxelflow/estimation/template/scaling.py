@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import refine
-from taxelflow.estimation.template.map import Pattern, fill
+from taxelflow.estimation.template.map import Pattern, covering, fill
 from taxelflow.estimation.template.observations import COARSE
-from taxelflow.numerics.bspline import STATE, in_object, states_of
+from taxelflow.numerics.bspline import STATE, states_of
 from taxelflow.numerics.geometry import rotation
 
 if TYPE_CHECKING:
@@ -75,8 +75,7 @@ def _grown_around(scanned: Scanned, place: Floats, start: int) -> tuple[Pattern,
     held[:, :2] = place
     parts = states_of(held)
     parts.gain[:], parts.size[:] = share**_POWER, _POWER * np.log(share)
-    places = [in_object(scanned.places[:, own].T, at) for own, at in zip(scanned.loaded(), held, strict=True)]
-    pattern = Pattern.covering(np.concatenate(places), scanned.amplitude)
+    pattern = covering(scanned, held)
     fill(pattern, scanned.with_error(COARSE), held)
     stiffness = np.array([np.inf, np.inf, np.inf, _GAIN_STD**-2, SIZE_STD**-2])
     fit = refine(pattern, scanned, held, rounds=_ROUNDS, error=COARSE, stiffness=stiffness)

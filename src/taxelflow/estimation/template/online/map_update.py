@@ -17,13 +17,12 @@ from taxelflow.estimation.template.hypotheses import (
     ENOUGH_SCANS,
     FIRST_GAIN_STD,
     coarse,
-    covering,
     refined,
     start_scan,
 )
 from taxelflow.estimation.template.initialization import IncrementalMapper
 from taxelflow.estimation.template.likelihood import cost
-from taxelflow.estimation.template.map import fill
+from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
 from taxelflow.estimation.template.online.local_map import FIRST_SLACK, LocalMap
