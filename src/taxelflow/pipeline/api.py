@@ -18,7 +18,8 @@ from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingCorrupt, RecordingMissing
 from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.messages import RawScans, Scans, joined
-from taxelflow.pipeline.result import Result, summarise
+from taxelflow.pipeline.result import Result
+from taxelflow.pipeline.run_summary import summarise
 from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.summary import Totals
 from taxelflow.runtime import registry
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from taxelflow.acquire.options import Recorded
     from taxelflow.estimation.base import Estimator, Mode
 
 _BAG_DIRECTORY = "metadata.yaml"
@@ -87,6 +89,11 @@ def read(
         error = TypeError(f"it gives a {type(recording).__name__}, not a Recording")
         raise registry.broken("reader", suffix, error)
     return recording if joints is None else replace(recording, joints=asked_joints(joints, recording.sensor))
+
+
+def opened(asked: Recorded) -> Recording:
+    """The recording that the options of a command name. Raises what `read` raises."""
+    return read(asked.recording, asked.sensor, topic=asked.topic, columns=asked.own_columns, joints=asked.joints)
 
 
 def recording(
