@@ -66,22 +66,22 @@ def _information(solved: Solved, scanned: Scanned, unseen_error: float) -> tuple
     """(scans, 5, 5), of the states of a solved contact, which the sensor's errors and a tilt of the load blur; and what
     the map's own error adds to their covariance: nothing where unseen errors of the sensor outweigh it.
     """
-    stiffness = scanned.stiffness(
+    precision = scanned.precision(
         turns=solved.turns, gain_std=solved.gain_std, size=DEPTH_STD**-2 if solved.sinks else np.inf
     )
     error, level = max(solved.error, unseen_error), scanned.amplitude if solved.heights else 0.0
     whole = with_depth(solved.states, solved.depth)
-    information = information_of(solved.pattern, scanned, whole, error, stiffness, level)
+    information = information_of(solved.pattern, scanned, whole, error, precision, level)
     if unseen_error:
         blurred = without_tilt(information, solved.pattern, scanned, solved.states, error, unseen_error)
         return blurred, np.zeros_like(information)
-    return information, of_map(solved.pattern, scanned, whole, error, stiffness, level)
+    return information, of_map(solved.pattern, scanned, whole, error, precision, level)
 
 
 def _by_noise(solved: Solved, scanned: Scanned, tilt: float) -> Floats:
     """(scans, 5, 5), information of the states of a solved contact that residuals and a tilt of the load alone blur."""
-    stiffness = scanned.stiffness(turns=solved.turns, gain_std=solved.gain_std)
-    information = information_of(solved.pattern, scanned, solved.states, solved.error, stiffness, 0.0)
+    precision = scanned.precision(turns=solved.turns, gain_std=solved.gain_std)
+    information = information_of(solved.pattern, scanned, solved.states, solved.error, precision, 0.0)
     return without_tilt(information, solved.pattern, scanned, solved.states, solved.error, tilt)
 
 

@@ -198,12 +198,12 @@ def _left_along(
     states_of(states).x[:] = at
     pattern = covering(along, states)
     fill(pattern, along.with_error(error), states)
-    stiffness = along.stiffness(turns=solved.turns, gain_std=solved.gain_std, size=SIZE_STD**-2)
-    stiffness[0] = np.inf
+    precision = along.precision(turns=solved.turns, gain_std=solved.gain_std, size=SIZE_STD**-2)
+    precision[0] = np.inf
     off, gains = min(_GAIN * scanned.unseen_error, _MOST_GAIN), np.ones(scanned.readings.shape[1])
     now = along
     for k, rounds in enumerate(_ROUNDS):
-        fit = refine(pattern, now, states, rounds=rounds, error=error, stiffness=stiffness)
+        fit = refine(pattern, now, states, rounds=rounds, error=error, precision=precision)
         error = learned_error(fit, now)
         if error <= most or (k == 0 and error - off * _rms(along) > most > 0.0):
             break

@@ -168,7 +168,7 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
 
 def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
     """Coarse fits from several starts: states tracked from scan to scan, and with the centroid."""
-    mapper = IncrementalMapper(scanned, start_scan(scanned), scanned.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
+    mapper = IncrementalMapper(scanned, start_scan(scanned), scanned.precision(turns=turns, gain_std=FIRST_GAIN_STD))
     mapper.register_all()
     starts = (mapper.states, centred(scanned, mapper.states))
     return [coarse(scanned, states, turns=turns) for states in starts]
@@ -204,8 +204,8 @@ def coarse(scanned: Scanned, states: Floats, *, turns: bool, rounds: int = _FIRS
     scanned.bend(states)
     pattern = covering(scanned, states)
     fill(pattern, scanned.with_error(COARSE), states)
-    stiffness = scanned.stiffness(turns=turns, gain_std=FIRST_GAIN_STD)
-    fit = refine(pattern, scanned, states, rounds=rounds, error=COARSE, stiffness=stiffness)
+    precision = scanned.precision(turns=turns, gain_std=FIRST_GAIN_STD)
+    fit = refine(pattern, scanned, states, rounds=rounds, error=COARSE, precision=precision)
     return Solved(pattern, states, fit, learned_error(fit, scanned), FIRST_GAIN_STD, turns)
 
 
@@ -232,9 +232,9 @@ def _by_its_error(scanned: Scanned, solved: Solved) -> Solved:
 def _fit(scanned: Scanned, start: Solved, *, rounds: int, error: float) -> Fit:
     """`refine` under the hypothesis of a start, which it improves in place."""
     size = SIZE_STD**-2 if start.grows else DEPTH_STD**-2 if start.sinks else np.inf
-    stiffness = scanned.stiffness(turns=start.turns, gain_std=start.gain_std, size=size)
+    precision = scanned.precision(turns=start.turns, gain_std=start.gain_std, size=size)
     largest, whole = scanned.amplitude if start.heights else 0.0, with_depth(start.states, start.depth)
-    fit = refine(start.pattern, scanned, whole, rounds=rounds, error=error, stiffness=stiffness, level=largest)
+    fit = refine(start.pattern, scanned, whole, rounds=rounds, error=error, precision=precision, level=largest)
     take_depth(whole, start.states, start.depth)
     return fit
 

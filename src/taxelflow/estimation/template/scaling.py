@@ -77,8 +77,8 @@ def _grown_around(scanned: Scanned, place: Floats, start: int) -> tuple[Pattern,
     parts.gain[:], parts.size[:] = share**_POWER, _POWER * np.log(share)
     pattern = covering(scanned, held)
     fill(pattern, scanned.with_error(COARSE), held)
-    stiffness = np.array([np.inf, np.inf, np.inf, _GAIN_STD**-2, SIZE_STD**-2])
-    fit = refine(pattern, scanned, held, rounds=_ROUNDS, error=COARSE, stiffness=stiffness)
+    precision = np.array([np.inf, np.inf, np.inf, _GAIN_STD**-2, SIZE_STD**-2])
+    fit = refine(pattern, scanned, held, rounds=_ROUNDS, error=COARSE, precision=precision)
     return pattern, held, fit
 
 

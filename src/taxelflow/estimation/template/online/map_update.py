@@ -244,7 +244,7 @@ def _again(known: LocalMap, scanned: Scanned, states: Floats) -> Solved:
 def _retraced(scanned: Scanned, *, turns: bool) -> Floats:
     """States (n, 5) of keyframes, one registered after the other as in a batch."""
     own = scanned.taken(np.arange(len(scanned)))
-    mapper = IncrementalMapper(own, start_scan(own), own.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
+    mapper = IncrementalMapper(own, start_scan(own), own.precision(turns=turns, gain_std=FIRST_GAIN_STD))
     mapper.register_all()
     return mapper.states
 
