@@ -277,7 +277,7 @@ def in_blocks(
     items: Iterable[Item],
     made: Callable[[list[Item]], Block],
     weight: Callable[[Item], int],
-    scans: int = BLOCK_SCANS,
+    scans: int,
 ) -> Iterator[Block]:
     """Blocks of items, each built by `made`; items before a RecordingError are delivered first.
 

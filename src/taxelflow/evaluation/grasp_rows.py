@@ -73,7 +73,7 @@ class _Found(NamedTuple):
     right: Floats
 
 
-def grasp_rows(methods: tuple[str, ...], seeds: list[int], exponent: float = 1.0) -> list[GraspRow]:
+def grasp_rows(methods: tuple[str, ...], seeds: list[int], exponent: float) -> list[GraspRow]:
     """Simulate, estimate and compare. exponent: see `Grasp`. Raises ExtraMissing without MuJoCo, NameUnknown."""
     found: dict[tuple[str, str], list[_Found]] = {(v, m): [] for m in methods for v in VARIANTS}
     bounds = []

@@ -41,11 +41,11 @@ class LateRow(msgspec.Struct, frozen=True):
     """Share of the scans in contact whose pose is `ok`."""
 
 
-def late_rows(seeds: Sequence[int], delays_s: Sequence[float] = DELAYS_S) -> Iterator[LateRow]:
+def late_rows(seeds: Sequence[int]) -> Iterator[LateRow]:
     """A row for each scenario and delay, over these seeds."""
     for name in _SCENARIOS:
         first = None
-        for delay_s in delays_s:
+        for delay_s in DELAYS_S:
             found = [_squares(replace(SCENARIOS[name], seed=seed), delay_s) for seed in seeds]
             squares = np.concatenate(found)
             known = squares[np.isfinite(squares)]

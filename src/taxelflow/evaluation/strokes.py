@@ -14,7 +14,6 @@ import msgspec
 import numpy as np
 
 from taxelflow.estimation.completion import start_slips
-from taxelflow.evaluation.base import unwatched
 from taxelflow.evaluation.bound import bound_of
 from taxelflow.evaluation.statistics import rms
 from taxelflow.messages import LOST, joined
@@ -103,8 +102,8 @@ def run_trials(
     strokes: int,
     seed: int,
     measure: Callable[[Scenario], dict[str, list[Stroke]]],
-    solver: Solver = "analytic",
-    watched: Watch = unwatched,
+    solver: Solver,
+    watched: Watch,
 ) -> Seen:
     """Measure `strokes` strokes at each speed, and as many again at 25 mm/s to fit the factors, two a trial."""
     trials = (strokes + 1) // 2
