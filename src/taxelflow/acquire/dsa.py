@@ -13,7 +13,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from taxelflow.acquire.base import Recording, in_blocks
+from taxelflow.acquire.base import Recording
+from taxelflow.acquire.blocks import in_blocks
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import Budget, scans_per_block
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TaxelCountWrong
