@@ -72,7 +72,7 @@ class Estimate(Recorded, Estimating):
     def run(self, rest: list[str]) -> int:
         """Read, estimate, write."""
         from taxelflow.pipeline import api
-        from taxelflow.pipeline.result import summarise
+        from taxelflow.pipeline.run_summary import summarise
         from taxelflow.publish.summary import Totals, to_json
         from taxelflow.publish.tables import Tables
         from taxelflow.publish.terminal import note_on_stderr, print_summary, progress
@@ -80,10 +80,7 @@ class Estimate(Recorded, Estimating):
         if further := [word for word in rest if not word.startswith("-") and Path(word).exists()]:
             raise RecordingsSeveral(str(self.recording), *further)
         pipeline = self.pipeline(rest, "estimate")
-        recording = api.read(
-            self.recording, self.sensor, topic=self.topic, columns=self.own_columns, joints=self.joints
-        )
-        recording = recording.with_contacts(self.contacts)
+        recording = api.opened(self).with_contacts(self.contacts)
         totals = Totals(recording.layout)
         with Tables(self.out, recording.layout.pads) as tables:
             run = pipeline.start(recording)
@@ -127,9 +124,7 @@ class Convert(Recorded):
         from taxelflow.pipeline import api
         from taxelflow.publish.terminal import progress
 
-        recording = api.read(
-            self.recording, self.sensor, topic=self.topic, columns=self.own_columns, joints=self.joints
-        )
+        recording = api.opened(self)
         if self.to == "lerobot":
             from taxelflow.evaluation.episodes import recording_to_lerobot
 
@@ -248,30 +243,35 @@ def _join_lines_of_help() -> None:
     docstring_parser.parse_from_object = joined
 
 
+def _run(args: list[str]) -> int:
+    """Run the command of these words. Raises TaxelflowError, OSError, KeyboardInterrupt."""
+    if args[:1] == ["--version"]:
+        print(f"taxelflow {__version__}")
+        return 0
+    _check_words(args)
+    if args[:1] in (["estimate"], ["batch"]) and {"-h", "--help"} & set(args) and (method := _method(args)):
+        _show_method(args[0], method)
+    own = args[1:] if args[:1] == ["score"] else []  # a score parses its own words
+    command, rest = tyro.cli(
+        Command,
+        args=args[: len(args) - len(own)],
+        prog="taxelflow",
+        description=DESCRIPTION,
+        return_unknown_args=True,
+    )
+    if rest and not isinstance(command, Estimating | Run | Design):
+        raise OptionsUnknown(*rest)
+    return command.run([*rest, *own])
+
+
 def main(args: list[str] | None = None) -> int:
     """Run one command; errors that were foreseen become one line on stderr and exit code 2."""
     settle_streams()
     logging.basicConfig(format="taxelflow: %(message)s", level=logging.WARNING)
     _join_lines_of_help()
     args = sys.argv[1:] if args is None else args
-    own = args[1:] if args[:1] == ["score"] else []  # a score parses its own words
     try:
-        if args[:1] == ["--version"]:
-            print(f"taxelflow {__version__}")
-            return 0
-        _check_words(args)
-        if args[:1] in (["estimate"], ["batch"]) and {"-h", "--help"} & set(args) and (method := _method(args)):
-            _show_method(args[0], method)
-        command, rest = tyro.cli(
-            Command,
-            args=args[: len(args) - len(own)],
-            prog="taxelflow",
-            description=DESCRIPTION,
-            return_unknown_args=True,
-        )
-        if rest and not isinstance(command, Estimating | Run | Design):
-            raise OptionsUnknown(*rest)
-        code = command.run([*rest, *own])
+        code = _run(args)
         with written_at(_OUTPUT):
             sys.stdout.flush()
         return code

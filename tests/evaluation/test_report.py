@@ -78,7 +78,8 @@ def test_numbers_of_slips_are_those_of_the_summary(page: str, results: list[Path
 
 
 def test_lanes_hold_the_contacts_and_slips_of_the_result(page: str, results: list[Path]) -> None:
-    from taxelflow.publish.results import read_result, spans
+    from taxelflow.numerics.spans import spans
+    from taxelflow.publish.results import read_result
 
     lanes = charts(page)[0]["results"][1]["lanes"]["palm"]
     ran, tracks = read_result(results[1])

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.acquire.blocks import cut_up
 from taxelflow.acquire.columns import doubted_rate
-from taxelflow.acquire.limits import BLOCK_BYTES, BLOCK_SCANS
 from taxelflow.errors import (
     RecordingCorrupt,
-    RecordingError,
     RecordingTruncated,
     TaxelCountWrong,
     TimesNotIncreasing,
@@ -23,15 +22,12 @@ from taxelflow.sensors.channels import doubted_numbers
 from taxelflow.sensors.sensor import Sensor, with_contacts, with_shear
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from numpy.typing import ArrayLike
 
     from taxelflow.sensors.layout import Layout
-
-Item = TypeVar("Item")
-Block = TypeVar("Block")
 
 _RATE_SCANS = 5
 """Scans from which the rate is estimated; a median of fewer steps is not robust."""
@@ -54,6 +50,10 @@ class Truth:
     pose: Floats
     slipping: Bools | None = None
     second: Floats | None = None
+
+    def pose_at(self, t_s: Floats) -> Floats:
+        """(n, 3), the pose at times (n,), linear in between."""
+        return np.stack([np.interp(t_s, self.t_s, part) for part in self.pose.T], axis=1)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -146,11 +146,7 @@ class Recording:
         if along is not None:
             sensor, along = with_shear(sensor, source), along.reshape(*readings.shape, 2)
         raw = RawScans(times, sensor.channel_map.to_source(readings, along))
-
-        def read() -> Iterator[RawScans]:
-            return (cut(raw, start, min(start + BLOCK_SCANS, len(raw))) for start in range(0, len(raw), BLOCK_SCANS))
-
-        return cls(source, "arrays", sensor, read, scans=len(raw))
+        return cls(source, "arrays", sensor, lambda: cut_up(raw), scans=len(raw))
 
     @property
     def layout(self) -> Layout:
@@ -271,30 +267,3 @@ class Reading:
                 f"the recording holds {scans}{also}: noise and motion need more; check that its rows are scans and its"
                 " columns taxels, and that times differ"
             )
-
-
-def in_blocks(
-    items: Iterable[Item],
-    made: Callable[[list[Item]], Block],
-    weight: Callable[[Item], int],
-    scans: int = BLOCK_SCANS,
-) -> Iterator[Block]:
-    """Blocks of items, each built by `made`; items before a RecordingError are delivered first.
-
-    A block has at most `scans` items, and not many more than BLOCK_BYTES. weight: bytes of an item.
-    """
-    block: list[Item] = []
-    held = 0
-    try:
-        for item in items:
-            block.append(item)
-            held += weight(item)
-            if len(block) >= scans or held >= BLOCK_BYTES:
-                yield made(block)
-                block, held = [], 0
-    except RecordingError:
-        if block:
-            yield made(block)
-        raise
-    if block:
-        yield made(block)

@@ -9,14 +9,12 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Literal
 
-from taxelflow.acquire.table_remedies import for_time
+from taxelflow.acquire.table_remedies import SHOWN, for_time
 from taxelflow.errors import ParameterInvalid, RecordingCorrupt
 from taxelflow.sensors.toml_text import parse_toml, read_limited
 
 JOINT = "joint:"
 """Beginning of the names of columns with joint angles, in rad."""
-_SHOWN = 60
-"""Characters of a header that a message shows."""
 SECONDS_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of times."""
 SLOWEST_HZ, _FASTEST_HZ = 0.5, 20e3
@@ -151,7 +149,7 @@ class Columns:
             return names.index(self.time)
         if self.time.isdecimal() and int(self.time) < len(names):
             return int(self.time)
-        seen = f"no column {self.time!r}: the header starts with {','.join(names[:3])[:_SHOWN]!r}"
+        seen = f"no column {self.time!r}: the header starts with {','.join(names[:3])[:SHOWN]!r}"
         raise RecordingCorrupt(path, seen, for_time(names, header=self.header))
 
     def _ordered(self, path: Path, names: list[str], found: list[int]) -> list[int]:

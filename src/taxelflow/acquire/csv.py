@@ -20,7 +20,7 @@ from taxelflow.acquire.base import Recording
 from taxelflow.acquire.columns import JOINT, Columns
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_BYTES, BLOCK_SCANS
-from taxelflow.acquire.table_remedies import REMEDY, fewer_taxels, for_field
+from taxelflow.acquire.table_remedies import REMEDY, SHOWN, fewer_taxels, for_field
 from taxelflow.acquire.times import is_iso, iso_seconds, read_times, timed
 from taxelflow.errors import (
     RecordingCorrupt,
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _DELIMITERS = {".csv": ",", ".tsv": "\t", ".txt": "space"}
-_SHOWN = 60
-"""Characters of a name or field that a message shows."""
 _LONGEST_LINE = 1 << 24
 """Bytes read as one line at most: bounds the memory for a file that is not text."""
 
@@ -116,7 +114,7 @@ class _NoNumber(Exception):
 
     def __init__(self, field: str, column: str, *, timed: bool) -> None:
         what = "time" if timed else "number"
-        super().__init__(f"column {column[:_SHOWN]!r} holds {field[:_SHOWN]!r}, which is no {what}")
+        super().__init__(f"column {column[:SHOWN]!r} holds {field[:SHOWN]!r}, which is no {what}")
         self.remedy = for_field(field, timed=timed)
 
 

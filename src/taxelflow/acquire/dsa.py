@@ -13,14 +13,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from taxelflow.acquire.base import Recording, in_blocks
+from taxelflow.acquire.base import Recording
+from taxelflow.acquire.blocks import in_blocks
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import Budget, scans_per_block
 from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TaxelCountWrong
 from taxelflow.messages import Bools, Floats, Joints, RawScans
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.names import safe_name
-from taxelflow.sensors.pads import MOST_PADS, Pad
+from taxelflow.sensors.pads import MOST_CELLS, MOST_PADS, Pad
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.sensors.validation import check_sizes
 
@@ -37,8 +38,6 @@ _JOINTS = (
     "sdh_finger_12_joint", "sdh_finger_13_joint",
 )  # fmt: skip
 """Joints in the order of the hand's controller, axes 0 to 6, by their names in schunk_modular_robotics."""
-_MOST_CELLS = 1024
-"""Rows or columns of a matrix at most, as in a sensor file."""
 _PIECE_BYTES = 1 << 16
 """Bytes that are decompressed and parsed at a time."""
 _MOST_ELEMENT = 1 << 22
@@ -118,7 +117,7 @@ def _sensor(pads: tuple[Pad, ...], full_scale: float) -> Sensor:
 
 def _pad(matrix: ElementTree.Element) -> Pad:
     rows, cols = int(_text(matrix, "cells_y")), int(_text(matrix, "cells_x"))
-    if not (0 < rows <= _MOST_CELLS and 0 < cols <= _MOST_CELLS):
+    if not (0 < rows <= MOST_CELLS and 0 < cols <= MOST_CELLS):
         raise ValueError(f"a matrix of {rows} x {cols} cells")
     present = _mask(matrix, "static_mask").reshape(rows, cols)
     return Pad(

@@ -13,8 +13,8 @@ REMEDY = (
 
 _SEPARATORS = {",": "','", ";": "';'", "\t": "tab", "|": "'|'", " ": "space"}
 """Separators of fields that a header of one field suggests, as `--columns.delimiter` takes them."""
-_SHOWN = 60
-"""Characters of column names that a message shows."""
+SHOWN = 60
+"""Characters of a header, name or field that a message shows."""
 _UNNAMED = r"Unnamed: \d+|__index_level_\d+__"
 """Names that pandas gives to columns without one."""
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|nan"
@@ -68,5 +68,5 @@ def fewer_taxels(names: Sequence[str], chosen: Sequence[int], wanted: int) -> st
     fits = next((kind for kind in kinds if len(kind) == wanted and kind[-1] - kind[0] == wanted - 1), None)
     if fits is None:
         return "leave out columns that are no taxels with --columns.taxels"
-    left = ", ".join(repr(names[n]) for n in chosen if n not in fits)[:_SHOWN]
+    left = ", ".join(repr(names[n]) for n in chosen if n not in fits)[:SHOWN]
     return f"leave out {left} with --columns.taxels {fits[0]}-{fits[-1]}"

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.condition.noise import noise_floor
-from taxelflow.numerics.robust import MAD_TO_SIGMA
+from taxelflow.numerics.robust import robust_std
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -166,8 +166,7 @@ class _PadSample:
         self._never_constant = changes > _EVIDENCE.max_constant_share and constant_share < _EVIDENCE.max_constant_share
         rest = self._rest[live]
         self._usual_rest = float(np.median(rest))
-        deviation = float(np.median(np.abs(rest - self._usual_rest)))
-        spread = max(MAD_TO_SIGMA * deviation, float(np.median(noise[live])))
+        spread = max(robust_std(rest, self._usual_rest), float(np.median(noise[live])))
         distance = np.abs(self._rest - self._usual_rest)
         self._outlier = (
             live & (distance > _EVIDENCE.outlier_sigmas * np.maximum(spread, noise)) & (distance > min_offset)

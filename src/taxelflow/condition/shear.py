@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.geometry import rotation
+
 if TYPE_CHECKING:
     from taxelflow.condition.filters import Filters
     from taxelflow.messages import Bools, Floats
@@ -67,5 +69,4 @@ def _axes(layout: Layout, pad: Indices) -> Floats | None:
     turn = layout.T_hand[pad[layout.source], 2] - layout.T_hand[owner, 2]
     if not turn.any():
         return None
-    cos, sin = np.cos(turn), np.sin(turn)
-    return np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
+    return rotation(turn)

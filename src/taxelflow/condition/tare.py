@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from taxelflow.condition.resting import NEAR_LOAD_SHARE, far_from_loads, find_rest
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.centroid import LOADED_SIGMAS
-from taxelflow.numerics.robust import MAD_TO_SIGMA
+from taxelflow.numerics.robust import robust_std
 from taxelflow.numerics.rounding import CERTAIN
 
 MAX_OFFSET_SHARE = NEAR_LOAD_SHARE
@@ -118,9 +118,9 @@ def is_unstructured(offset: Floats, masked: Bools, neighbours: NDArray[np.int64]
     (R. C. Geary, The Contiguity Ratio and Statistical Mapping, The Incorporated Statistician 5, 1954).
     """
     live = offset[~masked]
-    deviation = np.abs(live - np.median(live))
-    spread = max(MAD_TO_SIGMA * float(np.median(deviation)), offset_std)
-    if deviation.max() > CERTAIN * spread:
+    middle = float(np.median(live))
+    largest, spread = float(np.abs(live - middle).max()), max(robust_std(live, middle), offset_std)
+    if largest > CERTAIN * spread:
         return False
     pairs = neighbours[~masked[neighbours].any(axis=1)]
     if len(pairs) < MIN_NEIGHBOUR_PAIRS:
@@ -129,7 +129,7 @@ def is_unstructured(offset: Floats, masked: Bools, neighbours: NDArray[np.int64]
     if variance <= (FLAT_SIGMAS * offset_std) ** 2:
         return True
     neighbour_variance = float(np.mean((offset[pairs[:, 0]] - offset[pairs[:, 1]]) ** 2)) / 2
-    suspect = deviation.max() > SUSPECT_SIGMAS * spread
+    suspect = largest > SUSPECT_SIGMAS * spread
     return neighbour_variance >= (MIN_SUSPECT_GEARY_RATIO if suspect else MIN_GEARY_RATIO) * variance
 
 
@@ -147,14 +147,13 @@ def find_offsets(
 
     windows: (windows, scans, taxels). The rest is as in `estimate_offset` and `rest_offset`.
     """
-    mean = estimate_offset(windows, noise, masked, neighbours, reference)
-    if mean is not None and (windows <= cut).mean() < MAX_CLIPPED_SHARE:
-        return Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
-    some = windows if mean is None else windows[:: 1 + len(windows) // MAX_CLIPPED_WINDOWS]
-    found = rest_offset(some.reshape(-1, windows.shape[2]), noise, masked, near, neighbours, reference, cut)
-    if found is None and mean is not None:
-        return Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
-    return found
+    mean, by_mean, some = estimate_offset(windows, noise, masked, neighbours, reference), None, windows
+    if mean is not None:
+        by_mean = Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
+        if (windows <= cut).mean() < MAX_CLIPPED_SHARE:
+            return by_mean
+        some = windows[:: 1 + len(windows) // MAX_CLIPPED_WINDOWS]
+    return rest_offset(some.reshape(-1, windows.shape[2]), noise, masked, near, neighbours, reference, cut) or by_mean
 
 
 def rest_offset(
@@ -172,7 +171,8 @@ def rest_offset(
     lower are clipped. The rest is as in `estimate_offset`.
     """
     live = ~masked
-    far = far_from_loads(np.where(live & np.isfinite(readings), readings, np.nan), near)
+    used = np.where(live & np.isfinite(readings), readings, np.nan)
+    far = far_from_loads(used, near)
     sigma = np.where(live, noise, 1.0)
     reach = max(reference if np.isfinite(reference) else 0.0, float(sigma.max()))
     rest = find_rest(far, sigma, cut, reach)
@@ -185,9 +185,8 @@ def rest_offset(
     small = np.abs(level[known]).max() <= MAX_OFFSET_SHARE * reference
     if not small or not is_unstructured(level, ~known, neighbours, float(np.median(std[known]))):
         return None
-    middle = float(np.median(level[known]))
-    spread = max(MAD_TO_SIGMA * float(np.median(np.abs(level[known] - middle))), float(np.median(std[known])))
-    beside = find_rest(np.where(live & np.isfinite(readings), readings, np.nan), sigma, cut, reach)
+    middle, spread = _middle_and_spread(level[known], std[known])
+    beside = find_rest(used, sigma, cut, reach)
     near_idle = ~known & live & (beside.unloaded.sum(axis=0) >= 1.0)
     near_idle &= np.abs(beside.level - middle) <= LIKELY_SPREADS * spread
     near_idle &= (
@@ -198,11 +197,16 @@ def rest_offset(
     return Offsets(np.where(live, offset, 0.0), np.where(live, std, 0.0), known)
 
 
+def _middle_and_spread(level: Floats, std: Floats) -> tuple[float, float]:
+    """Median of levels (n,), and their standard deviation about it, at least that which they have by themselves."""
+    middle = float(np.median(level))
+    return middle, max(robust_std(level, middle), float(np.median(std)))
+
+
 def _never_loaded_left_out(level: Floats, std: Floats, known: Bools, near: NDArray[np.int64]) -> Bools:
     """known (taxels,) without those whose level is a load, and their neighbours: the skirt of that load."""
     while known.any():
-        middle = np.median(level[known])
-        spread = max(MAD_TO_SIGMA * float(np.median(np.abs(level[known] - middle))), float(np.median(std[known])))
+        middle, spread = _middle_and_spread(level[known], std[known])
         loaded = known & (level > middle + LOADED_SIGMAS * spread)
         if not loaded.any():
             break

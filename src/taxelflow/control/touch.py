@@ -51,7 +51,7 @@ class Facing:
 class OnHand:
     """Input of a controller from a stream's output for a hand's pads, on links that its joints move."""
 
-    def __init__(self, sensor: Sensor, down: Floats | None = None) -> None:
+    def __init__(self, sensor: Sensor, down: Floats | None) -> None:
         """down: see `TouchStream`. Raises HandModelInvalid, ExtraMissing."""
         self._felt, self._kinematics = _Felt(sensor, np.ones((len(sensor.pads), 3)), down), PadKinematics(sensor)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import msgspec
 
-from taxelflow.errors import written_at
+from taxelflow.runtime.whole_file import whole_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -78,12 +78,10 @@ def write_tables(tables: Sequence[Table], path: Path) -> list[Path]:
     """
     paths = [path, *(path.with_name(f"{path.stem}-{table.name}.csv") for table in tables[1:])]
     for target, table in zip(paths, tables, strict=True):
-        part = target.with_name(target.name + ".part")
-        with written_at(target), part.open("w", newline="", encoding="utf-8") as file:
+        with whole_file(target) as part, part.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(table.columns)
             writer.writerows(map(_text, row) for row in table.rows)
-        part.replace(target)
     return paths
 
 

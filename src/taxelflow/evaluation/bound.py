@@ -16,7 +16,7 @@ gain, baseline and pattern are eliminated by Schur complements.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import starmap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from scipy.sparse import bsr_array, csr_array
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.numerics.geometry import rotation
 from taxelflow.numerics.rounding import ROUNDING
+from taxelflow.numerics.spans import spans
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.load import state_at
 from taxelflow.simulation.motion import move
@@ -112,7 +113,7 @@ def bound_of(scenario: Scenario, t_s: Floats, *, jointly: bool = True) -> Bound:
     scored = (known[:, :2] < pitch / 4).all(axis=1)
     unknown, since_known, since_unknown = (np.full_like(known, np.nan) for _ in range(3))
     alone = _covariances(information, axes.stop)
-    for contact in _runs(scored):
+    for contact in starmap(np.arange, spans(scored)):
         if len(contact) < FEWEST:
             continue
         own, later = alone[contact], contact[1:]
@@ -151,12 +152,6 @@ def _stays_the_same(scenario: Scenario) -> bool:
     load = scenario.load
     shape = load.growth or load.tilt or load.roll_m or scenario.contact.deform_1_m
     return not shape and (scenario.solver == "analytic" or load.kind == "constant")
-
-
-def _runs(flags: Bools) -> list[Any]:
-    """Indices of each run of True."""
-    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0))
-    return [np.arange(first, last) for first, last in pairwise(edges.tolist()) if flags[first]]
 
 
 def modelled(scenario: Scenario, layout: Layout, pad: int, t_s: Floats) -> Model:

@@ -24,6 +24,7 @@ from taxelflow.errors import GainsUnknown, NameUnknown, ParameterInvalid
 from taxelflow.estimation.base import Calibratable
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.gainfit import GainFit, Sightings, fit_gains
+from taxelflow.evaluation.statistics import rms
 from taxelflow.messages import Scans, Slips, joined
 from taxelflow.pipeline import api
 from taxelflow.runtime import registry
@@ -166,7 +167,7 @@ def _entry(name: str, fit: GainFit, seen: Sightings, pitch_m: Floats, index_shar
         std_time_offset_s=fit.std_offset_s,
         scans=int(fit.used.sum()),
         interior_scans=int(clear.sum()),
-        residual_mm=1e3 * float(np.sqrt(np.mean(calm[:, observed] ** 2))),
+        residual_mm=1e3 * rms(calm[:, observed]),
         std_x=std[0],
         std_y=std[1],
         note=fit.note,

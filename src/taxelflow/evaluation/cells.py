@@ -20,6 +20,11 @@ def number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
+def percent(share: float | None, digits: int = 0) -> str:
+    """A share in percent with that many decimals; a dash where there is none."""
+    return number(None if share is None else 100 * share, digits)
+
+
 def decimals(percent: float) -> int:
     """Decimals of an error in percent: one more below 1 %."""
     return 3 if percent < 1 else 2

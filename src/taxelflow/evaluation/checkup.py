@@ -11,6 +11,7 @@ from taxelflow.condition.noise import UNKNOWN_NOISE
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.condition.units import full_scale, in_si
 from taxelflow.errors import RecordingError
+from taxelflow.evaluation.statistics import finite
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -174,8 +175,8 @@ def _pad(
         cols=cols,
         taxels=len(live),
         masked=int(np.sum(~live)),
-        lowest=_finite(tally.lowest[own].min() + 0.0),  # never -0
-        highest=_finite(tally.highest[own].max() + 0.0),
+        lowest=finite(tally.lowest[own].min() + 0.0),  # never -0
+        highest=finite(tally.highest[own].max() + 0.0),
         noise=typical / to_si if typical > UNKNOWN_NOISE else None,
         tared=bool(learned.tared[number]),
         contact_scans=round(seen.contact_share[number] * tally.reading.scans),
@@ -184,9 +185,9 @@ def _pad(
         missing_readings=int(tally.missing[own].sum()),
         idle_drift=None if drift is None else drift / to_si,
         idle_drift_std=None if drift_std is None else drift_std / to_si,
-        load_n=_finite(seen.load_n[number]),
+        load_n=finite(seen.load_n[number]),
         findings=[_finding(found, sensor) for found in findings],
-        picture=[[_finite(value) for value in row] for row in picture],
+        picture=[[finite(value) for value in row] for row in picture],
         marks=["".join(row) for row in marks],
     )
 
@@ -276,7 +277,3 @@ class _Tally:
         except RecordingError as fault:
             self.fault = fault
             raise
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -65,9 +65,7 @@ class Calibrate(Recorded):
 
         if self.out.suffix != ".toml":
             raise ParameterInvalid("out", str(self.out), "end in .toml")
-        recording = api.read(
-            self.recording, self.sensor, topic=self.topic, columns=self.own_columns, joints=self.joints
-        )
+        recording = api.opened(self)
         truth = None if self.truth is None else read_trajectory(self.truth, self.truth_topic)
         found = calibrate(
             recording,
@@ -102,9 +100,7 @@ class Info(Recorded):
         from taxelflow.publish.summary import to_json
         from taxelflow.publish.terminal import progress
 
-        recording = api.read(
-            self.recording, self.sensor, topic=self.topic, columns=self.own_columns, joints=self.joints
-        )
+        recording = api.opened(self)
         checkup = check_up(recording, lambda blocks: progress(blocks, recording.scans, "reading"), self.condition)
         if self.json:
             sys.stdout.buffer.write(to_json(checkup))

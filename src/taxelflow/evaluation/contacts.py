@@ -13,10 +13,10 @@ import numpy as np
 from rich.console import Console
 
 from taxelflow.evaluation.base import Table, unwatched
-from taxelflow.evaluation.bound import FEWEST
 from taxelflow.evaluation.cells import caption
 from taxelflow.evaluation.nees import SPANS, Consistency, consistency
-from taxelflow.evaluation.pose_errors import without_frame
+from taxelflow.evaluation.pose_errors import contacts_of, without_frame
+from taxelflow.evaluation.statistics import rms
 from taxelflow.messages import LOST, OK
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
@@ -247,11 +247,8 @@ def _contact(result: Result, pad: int, true: Floats) -> _Contact:
     pose, quality, touched = slips.pose[:, pad], slips.quality[:, pad], slips.contact[:, pad]
     known = np.isfinite(pose[:, :2]).all(axis=1) & (quality != LOST)
     error = np.full(pose.shape, np.nan)
-    piece = np.cumsum(~touched | (quality == LOST))
-    for number in np.unique(piece[known]):
-        own = np.flatnonzero(known & (piece == number))
-        if len(own) >= FEWEST:
-            error[own] = without_frame(pose[own], true[own], np.ones((len(own), 3)))
+    for own in contacts_of(known, np.cumsum(~touched | (quality == LOST))):
+        error[own] = without_frame(pose[own], true[own], np.ones((len(own), 3)))
     return _Contact(error, slips.covariance[:, pad], touched, known, quality == OK)
 
 
@@ -265,6 +262,6 @@ def _row(key: Key, own: list[_Contact]) -> ContactRow:
         known=sum(int((one.known & one.touched).sum()) for one in own) / max(touched, 1),
         ok=sum(int((one.ok & one.touched).sum()) for one in own) / max(touched, 1),
         rms_mm=1e3 * float(np.sqrt(np.mean(np.sum(far**2, axis=1)))) if len(far) else None,
-        rms_deg=float(np.degrees(np.sqrt(np.mean(turn**2)))) if len(turn) else None,
+        rms_deg=float(np.degrees(rms(turn))) if len(turn) else None,
         consistency=[consistency([(one.error, one.covariance) for one in own], over) for over in SPANS],
     )

@@ -14,7 +14,6 @@ from taxelflow.control.motion import LetMove, Pivot, Slide
 from taxelflow.control.touch import TouchStream
 from taxelflow.simulation.mujoco.events import END_S
 from taxelflow.simulation.mujoco.plant import Actuator
-from taxelflow.simulation.mujoco.skin import Skin
 from taxelflow.simulation.mujoco.trial import DROPPED_M, FORCE_COST, NEAR_M, Moment, Rehearsal, Trial
 
 if TYPE_CHECKING:
@@ -175,14 +174,13 @@ class Course:
         controller: Controller,
         method: str | None = None,
         *,
-        skin: Skin | None = None,
         actuator: Actuator | None = None,
         end_s: float = END_S,
         hand: str = "gripper",
     ) -> None:
         """method: estimator instead of the controller's own. hand: name of the plant. Raises ParameterInvalid."""
         self.trial, self.controller = trial, controller
-        self.skin, self._actuator, self._end_s, self._hand = skin or Skin(), actuator or Actuator(), end_s, hand
+        self._actuator, self._end_s, self._hand = actuator or Actuator(), end_s, hand
         self._method = None if controller.method is None else method or controller.method
         self.session = controller.start(trial.first_n, self._actuator.max_n)
         self.grasped = False
@@ -195,7 +193,7 @@ class Course:
         return self._rehearsal.plant
 
     def __iter__(self) -> Iterator[Seen]:
-        rehearsal = self._rehearsal = Rehearsal(self.trial, self.skin, self._actuator, self._hand)
+        rehearsal = self._rehearsal = Rehearsal(self.trial, None, self._actuator, self._hand)
         pads = TouchStream(rehearsal.plant.sensor, self._method, rehearsal.plant.down)
         for moment in rehearsal.start():
             touch, origin = pads.step(moment.truth.t_s, moment.readings, moment.joints), moment.truth

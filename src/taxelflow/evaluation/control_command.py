@@ -15,9 +15,10 @@ from taxelflow.runtime.checks import not_negative
 from taxelflow.runtime.exit_codes import PARTLY_DONE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from taxelflow.control.base import Controller
+    from taxelflow.evaluation.base import Table
     from taxelflow.evaluation.control import Course, MotionRow, TrialRow
     from taxelflow.simulation.mujoco.plant import Actuator
     from taxelflow.simulation.mujoco.trial import Trial
@@ -119,38 +120,26 @@ class Control:
 
     def _hold(self, names: tuple[str, ...]) -> int:
         """Let controllers hold objects."""
-        from taxelflow.evaluation.base import write_tables
         from taxelflow.evaluation.control import outcome_of
         from taxelflow.evaluation.control_summary import tables_of
         from taxelflow.evaluation.control_table import show_holding
 
         outcomes = [outcome_of(name, self._courses(name), self._watched) for name in names]
-        if self.csv is not None:
-            write_tables(tables_of(outcomes), self.csv)
-        if self.json:
-            self._print_json(outcomes[0].report)
-        else:
-            show_holding(outcomes)
+        self._give(outcomes[0].report, lambda: show_holding(outcomes), lambda: tables_of(outcomes))
         return _blamed([row for outcome in outcomes for row in outcome.report.trials])
 
     def _move(self) -> int:
         """Let objects slide or turn."""
-        from taxelflow.evaluation.base import table_of, write_tables
+        from taxelflow.evaluation.base import table_of
         from taxelflow.evaluation.control import MotionRow, motions_of
         from taxelflow.evaluation.control_table import show_motion
 
         report = motions_of(self.controller, self._courses(self.controller), self._watched)
-        if self.csv is not None:
-            write_tables([table_of("motions", report.trials, MotionRow)], self.csv)
-        if self.json:
-            self._print_json(report)
-        else:
-            show_motion(report)
+        self._give(report, lambda: show_motion(report), lambda: [table_of("motions", report.trials, MotionRow)])
         return _blamed(report.trials)
 
     def _sweep(self) -> int:
         """Let a controller hold objects whose weight doubles, with slow and late grippers."""
-        from taxelflow.evaluation.base import write_tables
         from taxelflow.evaluation.control import Outcome, outcome_of
         from taxelflow.evaluation.control_sweep import sweep
 
@@ -163,18 +152,23 @@ class Control:
             return [course.trial for course in courses], outcome_of(self.controller, courses, self._watched)
 
         report = sweep(self.controller, run)
-        if self.csv is not None:
-            write_tables(report.tables(), self.csv)
-        if self.json:
-            self._print_json(report)
-        else:
-            report.show()
+        self._give(report, report.show, report.tables)
         return PARTLY_DONE if any(row.grasped < row.trials for row in report.rows) else 0
 
-    def _print_json(self, report: Any) -> None:
+    def _give(
+        self, report: Any, show: Callable[[], object], tables: Callable[[], Sequence[Table]] | None = None
+    ) -> None:
+        """Write the tables, if they are asked for, and print the report. show: prints its tables."""
         import msgspec
 
-        sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
+        from taxelflow.evaluation.base import write_tables
+
+        if self.csv is not None and tables is not None:
+            write_tables(tables(), self.csv)
+        if self.json:
+            sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
+        else:
+            show()
 
     def _show(self) -> int:
         """Film a trial and draw one of each event; a film is left out where nothing can be rendered."""
@@ -210,10 +204,7 @@ class Control:
             trials = [course.trial for course in courses]
             kind = courses[0].controller
             reports.append(tune(name, kind, trials, self.tune, run, lambda points: counted(points, "sets")))
-        if self.json:
-            self._print_json(reports[0])
-        else:
-            show_tuned(reports)
+        self._give(reports[0], lambda: show_tuned(reports))
         return 0
 
     def _actuator(self) -> Actuator:

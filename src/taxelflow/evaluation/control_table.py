@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from taxelflow.evaluation.cells import number
 from taxelflow.evaluation.control_summary import summary
 from taxelflow.publish.quiet import quiet_table
 
@@ -30,7 +31,7 @@ def show_holding(outcomes: Sequence[Outcome]) -> list[SummaryRow]:
     for row in rows:
         held = share(row.held, row.held_low, row.held_high)
         near = share(row.within_5_mm, row.within_low, row.within_high)
-        forces, blind = (_ratio(row.force_p50), _ratio(row.force_p90)), f"{row.blind:.0%}"
+        forces, blind = (number(row.force_p50, 2), number(row.force_p90, 2)), f"{row.blind:.0%}"
         table.add_row(row.controller, row.objects, f"{row.grasped}/{row.trials}", held, near, *forces, blind)
     console.print(table)
     for note in (
@@ -44,7 +45,7 @@ def show_holding(outcomes: Sequence[Outcome]) -> list[SummaryRow]:
             console.print(_paired(rows[0].controller, row))
     for row in rows:
         step = f"p50 {row.step_ms_p50:.2f}, p99 {row.step_ms_p99:.2f} ms of processor time"
-        cost = f"cost {_ratio(row.cost)}; a step of the estimator for both pads {step}"
+        cost = f"cost {number(row.cost, 2)}; a step of the estimator for both pads {step}"
         console.print(f"{row.controller}, {row.objects}: {cost}")
     if len(outcomes) == 1:
         _show_trials(console, outcomes[0].report)
@@ -55,7 +56,7 @@ def _show_trials(console: Console, report: ControlReport) -> None:
     table = quiet_table("seed:", "object:", "event:", "grasped:", "held:", "slid mm", "force over least")
     for row in report.trials:
         yes = ["yes" if flag else "no" for flag in (row.grasped, row.held)]
-        table.add_row(str(row.seed), row.object, row.event, *yes, f"{row.slid_mm:.2f}", _ratio(row.force_over_least))
+        table.add_row(str(row.seed), row.object, row.event, *yes, f"{row.slid_mm:.2f}", number(row.force_over_least, 2))
     console.print(table)
 
 
@@ -79,7 +80,7 @@ def show_tuned(reports: Sequence[TuneReport]) -> None:
         for one in report.tried:  # lines, as a table would cut long parameters
             values = " ".join(f"{name}={value:g}" for name, value in one.parameters.items()) or "defaults"
             shares = f"held {_share(one.held)}, within 5 mm {_share(one.within_5_mm)}"
-            forces = f"force p50 {_ratio(one.force_p50)}, p90 {_ratio(one.force_p90)}"
+            forces = f"force p50 {number(one.force_p50, 2)}, p90 {number(one.force_p90, 2)}"
             console.print(
                 f"{report.controller}, {one.trials} trials: cost {one.cost:.3f}, {shares}, {forces}: {values}"
             )
@@ -104,7 +105,3 @@ def _paired(ours: str, row: SummaryRow) -> str:
 
 def _share(share: float | None) -> str:
     return "-" if share is None else f"{share:.1%}"
-
-
-def _ratio(ratio: float | None) -> str:
-    return "-" if ratio is None else f"{ratio:.2f}"

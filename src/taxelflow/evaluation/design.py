@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number
+from taxelflow.evaluation.statistics import rms
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least, positive
 
@@ -247,7 +248,7 @@ def _row(
     shape, size, pitch, layout, noise, rate = design
     turns = shape != "round"
     lost = ~np.isfinite(errors[:, 0])
-    along = _rms(bounds[:, :2]) * size
+    along = rms(bounds[:, :2]) * size
     scans = max(asked.window_s * rate, 2.0)
     kept = errors[~lost] if not lost.all() else np.full((1, 3), np.nan)
     return DesignRow(
@@ -259,14 +260,10 @@ def _row(
         noise_percent=noise,
         rate_hz=rate,
         bound_mm=float(np.sqrt(2)) * along,
-        error_mm=float(np.sqrt(2)) * _rms(kept[:, :2]) * size,
-        bound_deg=float(np.degrees(_rms(bounds[:, 2]))) if turns else None,
-        error_deg=float(np.degrees(_rms(kept[:, 2]))) if turns else None,
+        error_mm=float(np.sqrt(2)) * rms(kept[:, :2]) * size,
+        bound_deg=float(np.degrees(rms(bounds[:, 2]))) if turns else None,
+        error_deg=float(np.degrees(rms(kept[:, 2]))) if turns else None,
         speed_mm_s=float(np.sqrt(2)) * along * float(np.sqrt(12 / scans)) / asked.window_s,
         lost_percent=100 * float(lost.mean()),
         trials=asked.trials,
     )
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -16,6 +16,8 @@ from rich.console import Console
 
 from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number, short
+from taxelflow.evaluation.statistics import rms
+from taxelflow.numerics.geometry import wrapped
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least
@@ -177,7 +179,7 @@ def _twists(recording: Recording, method: Estimator) -> tuple[Floats, Floats]:
 
 def true_twist(truth: Truth, from_s: Floats, to_s: Floats) -> Floats:
     """Mean twist (n, 3) of the object's point at the hand's origin between times (n,)."""
-    first, last = (np.stack([np.interp(t, truth.t_s, axis) for axis in truth.pose.T], axis=1) for t in (from_s, to_s))
+    first, last = truth.pose_at(from_s), truth.pose_at(to_s)
     rate = (last - first) / (to_s - from_s)[:, np.newaxis]
     middle = (first + last) / 2
     twist: Floats = rate + rate[:, 2:] * np.stack([middle[:, 1], -middle[:, 0], np.zeros(len(rate))], axis=1)
@@ -189,7 +191,7 @@ def _row(scene: str, method: str, cut: _Cut, estimated: Floats, true: Floats) ->
     moves = speed > _MOVES_M_S
     turns = (np.abs(turn) > _TURNS_RAD_S) & np.isfinite(estimated[:, 2])
     between = np.arctan2(estimated[moves, 1], estimated[moves, 0]) - np.arctan2(true[moves, 1], true[moves, 0])
-    off = np.abs((between + np.pi) % (2 * np.pi) - np.pi)
+    off = np.abs(wrapped(between))
     error = np.hypot(*(estimated - true)[moves, :2].T)
     wrong = (estimated - true)[turns, 2]
     return FieldRow(
@@ -198,8 +200,8 @@ def _row(scene: str, method: str, cut: _Cut, estimated: Floats, true: Floats) ->
         vectors=int(_vectors(cut.sensor)),
         cut=cut.name,
         direction_deg=float(np.degrees(np.median(off))) if moves.any() else None,
-        speed_percent=100 * _rms(error) / _rms(speed[moves]) if moves.any() else None,
-        turn_percent=100 * _rms(wrong) / _rms(turn[turns]),
+        speed_percent=100 * rms(error) / rms(speed[moves]) if moves.any() else None,
+        turn_percent=100 * rms(wrong) / rms(turn[turns]),
         turn_bias_percent=100 * float(np.mean(np.sign(turn[turns]) * wrong)) / float(np.mean(np.abs(turn[turns]))),
         scans=len(estimated),
     )
@@ -208,7 +210,3 @@ def _row(scene: str, method: str, cut: _Cut, estimated: Floats, true: Floats) ->
 def _vectors(sensor: Sensor) -> int:
     grouped = {patch.pad for group in sensor.groups for patch in group.patches}
     return len(sensor.groups) + sum(pad.origin_m is not None and pad.name not in grouped for pad in sensor.pads)
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.errors import ParameterInvalid, SourceMissing
-from taxelflow.evaluation.base import Watch, unwatched
+from taxelflow.evaluation.base import Watch
 from taxelflow.evaluation.source import conditioned_blocks, source_of
 from taxelflow.numerics.clock import SAME_S
 from taxelflow.publish.plots.film import Film, film_frames, on_one_plane
@@ -31,11 +31,11 @@ def make_film(
     directory: Path,
     out: Path,
     *,
-    fps: float = 10.0,
-    speed: float = 1.0,
-    from_s: float = 0.0,
-    to_s: float | None = None,
-    watched: Watch = unwatched,
+    fps: float,
+    speed: float,
+    from_s: float,
+    to_s: float | None,
+    watched: Watch,
 ) -> int:
     """Film a result into a .gif or .mp4; return the number of frames.
 

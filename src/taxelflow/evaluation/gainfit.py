@@ -11,7 +11,7 @@ would come out too small. Robust least squares (soft L1); standard errors from t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,7 +69,8 @@ class Sightings:
 class GainFit:
     """gain, std: (2,) along x, y, std NaN where not observed. T_pad_robot, std_frame: (3,). Times in s.
 
-    used: (scans,), scans within the trajectory. residual_m: (scans used, 2), in index positions. note: what to know.
+    residual_m: (scans used, 2), in index positions. cost: of the least squares. used: (scans,), scans within the
+    trajectory. note: what to know.
     """
 
     gain: Floats
@@ -78,9 +79,10 @@ class GainFit:
     std_frame: Floats
     offset_s: float
     std_offset_s: float
-    used: Bools
     residual_m: Floats
-    note: str
+    cost: float
+    used: Bools = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    note: str = ""
 
 
 def fit_gains(seen: Sightings, truth: Trajectory, pitch_m: Floats, search_s: float) -> GainFit:
@@ -94,13 +96,7 @@ def fit_gains(seen: Sightings, truth: Trajectory, pitch_m: Floats, search_s: flo
         )
     problem = _Problem(seen.chosen(used), truth, search_s, np.zeros(2))
     length, width = problem.spread(offset)
-    seen_m = float(np.hypot(*problem.places_std()))
-    if length > _SEARCH.largest_gain * max(seen_m, 0.1 * float(pitch_m.max())):
-        apart = f"the trajectory spans {length:.3g} m, the positions on the pad {seen_m:.3g} m (standard deviations)"
-        raise GainsUnknown(apart, "give the trajectory in m, and check that it is that of the object on this pad")
-    if length < 0.3 * pitch_m.max():
-        seen_mm = f"the object's path spans only {1e3 * length:.2g} mm within the pad's interior"
-        raise GainsUnknown(seen_mm, "move it over at least two taxels, away from the border")
+    _check_length(length, float(np.hypot(*problem.places_std())), float(pitch_m.max()))
     plane = width > _SEARCH.flat * length
     if plane:
         problem.refuse_mirror(offset)
@@ -115,31 +111,32 @@ def fit_gains(seen: Sightings, truth: Trajectory, pitch_m: Floats, search_s: flo
         moved = problem.along(fit)
         fit.std[moved < _SEARCH.flat * moved.max()] = np.nan
     if not (fit.std < 3 * _SEARCH.unsure * fit.gain).any():
-        raise GainsUnknown(
-            ", ".join(
-                f"the gain along {axis} "
-                + (f"would be {gain:.3g} ± {std:.2g}" if np.isfinite(std) else "is not observed")
-                for axis, gain, std in zip("xy", fit.gain.tolist(), fit.std.tolist(), strict=True)
-            ),
-            "let the object move further, away from the pad's border",
-        )
+        raise GainsUnknown(_words(fit), "let the object move further, away from the pad's border")
     if fit.std_offset_s > search_s / 2 > 0:
         note += ("; " if note else "") + "the time offset is not observed: let the object go to and fro"
-    return GainFit(
-        fit.gain, fit.std, fit.pose, fit.std_pose, fit.offset_s, fit.std_offset_s, used, fit.residual_m, note
+    return replace(fit, used=used, note=note)
+
+
+def _check_length(trajectory_m: float, seen_m: float, pitch_m: float) -> None:
+    """Refuse a trajectory that is far longer than what the pad has seen, or shorter than a taxel; standard deviations.
+
+    Raises GainsUnknown.
+    """
+    if trajectory_m > _SEARCH.largest_gain * max(seen_m, 0.1 * pitch_m):
+        lengths = f"the trajectory spans {trajectory_m:.3g} m, the positions on the pad {seen_m:.3g} m"
+        remedy = "give the trajectory in m, and check that it is that of the object on this pad"
+        raise GainsUnknown(f"{lengths} (standard deviations)", remedy)
+    if trajectory_m < 0.3 * pitch_m:
+        seen_mm = f"the object's path spans only {1e3 * trajectory_m:.2g} mm within the pad's interior"
+        raise GainsUnknown(seen_mm, "move it over at least two taxels, away from the border")
+
+
+def _words(fit: GainFit) -> str:
+    """The gains along both axes, as far as they are observed."""
+    return ", ".join(
+        f"the gain along {axis} " + (f"would be {gain:.3g} ± {std:.2g}" if np.isfinite(std) else "is not observed")
+        for axis, gain, std in zip("xy", fit.gain.tolist(), fit.std.tolist(), strict=True)
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Solution:
-    gain: Floats
-    std: Floats
-    pose: Floats
-    std_pose: Floats
-    offset_s: float
-    std_offset_s: float
-    residual_m: Floats
-    cost: float
 
 
 class _Problem:
@@ -166,9 +163,9 @@ class _Problem:
         spread: Floats = self._seen.place_m.std(axis=0)
         return spread
 
-    def along(self, fit: _Solution) -> Floats:
+    def along(self, fit: GainFit) -> Floats:
         """(2,) standard deviations of the way along the pad's axes."""
-        spread: Floats = transform(fit.pose, self._robot(fit.offset_s)).std(axis=0)
+        spread: Floats = transform(fit.T_pad_robot, self._robot(fit.offset_s)).std(axis=0)
         return spread
 
     def refuse_mirror(self, offset: float) -> None:
@@ -188,7 +185,7 @@ class _Problem:
         ]
         return np.array(rows)
 
-    def refined(self, offset: float, *, tied: bool) -> _Solution:
+    def refined(self, offset: float, *, tied: bool) -> GainFit:
         """Twice: the first fit shows how much scatter there is besides noise."""
         first = self._best(offset, tied)
         clean = _clean(self._seen.edge_m)
@@ -200,12 +197,12 @@ class _Problem:
         again = _Problem(self._seen, self._truth, self._search_s, np.sqrt(beyond))
         return again._best(first.offset_s, tied)
 
-    def _best(self, offset: float, tied: bool) -> _Solution:
+    def _best(self, offset: float, tied: bool) -> GainFit:
         """From several first angles, since the angle makes the problem many-valleyed."""
         starts = np.arange(_SEARCH.starts) * 2 * np.pi / _SEARCH.starts
         return min((self._solve(phi, offset, tied) for phi in starts), key=lambda fit: fit.cost)
 
-    def _solve(self, phi: float, offset: float, tied: bool) -> _Solution:
+    def _solve(self, phi: float, offset: float, tied: bool) -> GainFit:
         s = (self._seen.place_m.mean(axis=0) - rotation(phi) @ self._robot(offset).mean(axis=0)) / 0.01
         gains = 1 if tied else 2
         limit = max(self._search_s, 1e-9)
@@ -229,9 +226,7 @@ class _Problem:
         turn = float(np.arctan2(np.sin(found.x[gains]), np.cos(found.x[gains])))
         pose = np.array([x, y, turn])
         std_pose = np.array([*std[gains + 1 : gains + 3], std[gains]])
-        return _Solution(
-            gain, gain_std, pose, std_pose, float(found.x[-1]), float(std[-1]), residual, float(found.cost)
-        )
+        return GainFit(gain, gain_std, pose, std_pose, float(found.x[-1]), float(std[-1]), residual, float(found.cost))
 
     def _left(self, x: Floats) -> Floats:
         """(scans, 2) what the model leaves of the positions seen, m."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 import numpy as np
 
+from taxelflow.evaluation.statistics import rms
 from taxelflow.fusion.spatial.parameters import SpatialField
 from taxelflow.numerics.geometry import adjoint, se3_inverse, se3_log, se3_of
 from taxelflow.pipeline import api
@@ -72,7 +73,7 @@ class _Found(NamedTuple):
     right: Floats
 
 
-def grasp_rows(methods: tuple[str, ...], seeds: list[int], exponent: float = 1.0) -> list[GraspRow]:
+def grasp_rows(methods: tuple[str, ...], seeds: list[int], exponent: float) -> list[GraspRow]:
     """Simulate, estimate and compare. exponent: see `Grasp`. Raises ExtraMissing without MuJoCo, NameUnknown."""
     found: dict[tuple[str, str], list[_Found]] = {(v, m): [] for m in methods for v in VARIANTS}
     bounds = []
@@ -145,8 +146,8 @@ def _row(variant: str, method: str, runs: list[_Found], bounds: Floats) -> Grasp
         variant=variant,
         method=method,
         direction_deg=float(np.median(known[:, 0])) if len(known) else None,
-        speed_percent=_rms(known[:, 1]) if len(known) else None,
-        turn_percent=_rms(known[:, 2]) if len(known) else None,
+        speed_percent=rms(known[:, 1]) if len(known) else None,
+        turn_percent=rms(known[:, 2]) if len(known) else None,
         direction_bound_deg=float(np.degrees(np.hypot(x, y) / _GRASP.speed_m_s)),
         speed_bound_percent=float(100 * along / _GRASP.speed_m_s),
         turn_bound_percent=float(100 * np.linalg.norm(turn) / _GRASP.turn_rad_s),
@@ -164,7 +165,3 @@ def _line_s() -> float:
     """Standard deviation of a pose over that of the slope of a line through a window of poses, s."""
     scans = round(SpatialField().window_s * _GRASP.rate_hz) + 1
     return float(np.sqrt(scans * (scans**2 - 1) / 12) / _GRASP.rate_hz)
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))

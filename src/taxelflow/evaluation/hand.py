@@ -17,7 +17,7 @@ from rich.console import Console
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.bound import modelled
-from taxelflow.evaluation.cells import caption, number, short
+from taxelflow.evaluation.cells import caption, number, percent, short
 from taxelflow.evaluation.field import SCENES
 from taxelflow.evaluation.grasp_rows import GraspRow, grasp_rows
 from taxelflow.numerics.geometry import rotation
@@ -164,7 +164,6 @@ def _twists(rows: list[GraspRow]) -> Shown:
     columns = ("dir. deg", "bound", "speed %", "bound", "turn %", "bound", "NEES", "blamed")
     table = quiet_table("twist:", "method:", *columns)
     for row in rows:
-        blamed = None if row.blamed_rightly is None else 100 * row.blamed_rightly
         table.add_row(
             row.variant,
             short(row.method),
@@ -175,7 +174,7 @@ def _twists(rows: list[GraspRow]) -> Shown:
             number(row.turn_percent, 2),
             number(row.turn_bound_percent, 2),
             number(row.nees, 2),
-            number(blamed, 0),
+            percent(row.blamed_rightly),
         )
     return table
 

@@ -17,6 +17,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number, short, solved_by
 from taxelflow.evaluation.hard_cases import CASES
+from taxelflow.evaluation.statistics import rms
 from taxelflow.evaluation.strokes import SPEEDS_MM_S, bounds, rms_of, strokes_by, trial, ungrouped
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
@@ -240,5 +241,5 @@ def _row(speed: int, method: str, name: str, error: list[Floats], limit: list[Fl
         standard_error_percent=standard_error,
         median_percent=float(np.median(np.abs(known))),
         bias_percent=float(known.mean()),
-        bound_percent=float(np.sqrt(np.mean(np.square(limit)))),
+        bound_percent=rms(limit),
     )

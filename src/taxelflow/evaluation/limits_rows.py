@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.evaluation.nees import SPANS, Consistency, consistency
+from taxelflow.evaluation.statistics import finite, rms
 from taxelflow.evaluation.strokes import rms_of
 
 if TYPE_CHECKING:
@@ -147,16 +148,16 @@ def error_rows(method: str, own: list[Errors]) -> list[LimitsRow]:
             )
             there = np.isfinite(error)
             if there.any():
-                rms, standard_error = rms_of(_by_contact(own, chosen, axis, unit))
+                error_rms, standard_error = rms_of(_by_contact(own, chosen, axis, unit))
                 rows.append(
                     LimitsRow(
                         method=method,
                         scans=scans,
                         axis=AXES[axis],
                         count=int(there.sum()),
-                        rms=rms,
+                        rms=error_rms,
                         standard_error=standard_error,
-                        bound=_known(unit * _rms(known[there])),
+                        bound=finite(unit * rms(known[there])),
                         over_known=_over(error[there], known[there]),
                         over_unknown=_over(error[there], unknown[there]),
                     )
@@ -186,13 +187,13 @@ def since_rows(method: str, own: list[Errors]) -> list[SinceRow]:
         ]
         if contacts:
             bounds = [
-                _known(
-                    unit * _rms(np.concatenate([bound[there, axis] for bound, there in zip(each, known, strict=True)]))
+                finite(
+                    unit * rms(np.concatenate([bound[there, axis] for bound, there in zip(each, known, strict=True)]))
                 )
                 for each in ([one.bound.since_known for one in own], [one.bound.since_unknown for one in own])
             ]
             count = sum(map(len, contacts))
-            last = _rms(np.array([errors[-1] for errors in contacts]))
+            last = rms(np.array([errors[-1] for errors in contacts]))
             rows.append(SinceRow(method, AXES[axis], count, *rms_of(contacts), last, *bounds))
     return rows
 
@@ -217,9 +218,9 @@ def places(method: str, own: list[Errors], width_mm: float) -> list[Place]:
             method=method,
             axis=AXES[axis],
             at_mm=width_mm * float(number),
-            error_mm=_rms(error[here]),
-            known_mm=_rms(known[here]),
-            unknown_mm=_known(_rms(unknown[here])),
+            error_mm=rms(error[here]),
+            known_mm=rms(known[here]),
+            unknown_mm=finite(rms(unknown[here])),
             count=int(here.sum()),
         )
         for number in np.unique(bins)
@@ -227,15 +228,7 @@ def places(method: str, own: list[Errors], width_mm: float) -> list[Place]:
     ]
 
 
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
 def _over(error: Floats, bound: Floats) -> float | None:
     """RMS of each error over its bound, where there is one."""
     there = np.isfinite(bound)
-    return _rms(error[there] / bound[there]) if there.any() else None
-
-
-def _known(value: float) -> float | None:
-    return value if np.isfinite(value) else None
+    return rms(error[there] / bound[there]) if there.any() else None

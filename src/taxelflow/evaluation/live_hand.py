@@ -18,35 +18,33 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
     from taxelflow.simulation.scenario import Sensing
 
-_IDLE_S, _LIFT_S, _SPEED_M_S = 0.3, 0.5, 0.01
-"""Time without contact at the start; duration of a lift; speed of the object."""
+_IDLE_S, _EVERY_S, _LIFT_S, _SPEED_M_S = 0.3, 5.0, 0.5, 0.01
+"""Time without contact at the start; time from lift to lift; duration of a lift; speed of the object."""
 _STROKE = SCENARIOS["stroke"]
 BASELINE_PA = _STROKE.sensing.baseline_pa[1]
 """Readings without load."""
 
 
-def loaded_hand(seconds: float, rate_hz: float, every_s: float = 5.0, seed: int = 0) -> tuple[Sensor, RawScans]:
+def loaded_hand(seconds: float, rate_hz: float) -> tuple[Sensor, RawScans]:
     """Scans of the paper's hand, 162 taxels: on each of 7 pads an object slides to and fro; all lift off for 0.5 s at
-    the end of every `every_s`. Without groups, whose slips would be counted beside their pads'.
+    the end of every 5 s. Without groups, whose slips would be counted beside their pads'.
     """
     sensor = msgspec.structs.replace(load_sensor(_STROKE.sensor), groups=())
     layout, count = sensor.layout, round(seconds * rate_hz)
     touch = np.zeros((count, layout.taxels))
     sensing = replace(_STROKE.sensing, rate_hz=rate_hz, baseline_pa=(BASELINE_PA, BASELINE_PA), noise_pa=0.0, bits=16)
     for pad in range(len(layout.pads)):
-        scenario = to_and_fro(layout, pad, sensing, seconds=seconds, radius_pitches=1.2, seed=seed)
+        scenario = to_and_fro(layout, pad, sensing, seconds=seconds, radius_pitches=1.2)
         own = layout.of_pad(pad)
         touch[:, own] = simulate(scenario).load().values[:count, own]
     t_s = np.arange(count) / rate_hz
     baseline, noise = BASELINE_PA / sensor.to_si, _STROKE.sensing.noise_pa / sensor.to_si
-    touched = (t_s > _IDLE_S) & (t_s % every_s < every_s - _LIFT_S)
+    touched = (t_s > _IDLE_S) & (t_s % _EVERY_S < _EVERY_S - _LIFT_S)
     values = baseline + (touch - baseline) * touched[:, np.newaxis]
-    return sensor, RawScans(t_s, values + np.random.default_rng(seed).normal(0, noise, values.shape))
+    return sensor, RawScans(t_s, values + np.random.default_rng(0).normal(0, noise, values.shape))
 
 
-def to_and_fro(
-    layout: Layout, pad: int, sensing: Sensing, *, seconds: float, radius_pitches: float, seed: int = 0
-) -> Scenario:
+def to_and_fro(layout: Layout, pad: int, sensing: Sensing, *, seconds: float, radius_pitches: float) -> Scenario:
     """An object that slides by a pitch to and fro on one pad, for as long at least."""
     pitch_m = float(layout.pitch_m[pad].min())
     motion = Motion(
@@ -58,4 +56,4 @@ def to_and_fro(
         rest_s=0.0,
     )
     contact = Contact("elongated", radius_m=radius_pitches * pitch_m, aspect=1.5)
-    return replace(_STROKE, pad=layout.pads[pad], seed=seed + pad, contact=contact, motion=motion, sensing=sensing)
+    return replace(_STROKE, pad=layout.pads[pad], seed=pad, contact=contact, motion=motion, sensing=sensing)

@@ -9,8 +9,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.estimation.template.parameters import Template
-from taxelflow.evaluation.bound import FEWEST
-from taxelflow.evaluation.pose_errors import without_frame
+from taxelflow.evaluation.pose_errors import contacts_of, without_frame
 from taxelflow.evaluation.strokes import ungrouped
 from taxelflow.messages import LOST, OK, joined
 from taxelflow.pipeline.stages import Pipeline
@@ -41,11 +40,11 @@ class LateRow(msgspec.Struct, frozen=True):
     """Share of the scans in contact whose pose is `ok`."""
 
 
-def late_rows(seeds: Sequence[int], delays_s: Sequence[float] = DELAYS_S) -> Iterator[LateRow]:
+def late_rows(seeds: Sequence[int]) -> Iterator[LateRow]:
     """A row for each scenario and delay, over these seeds."""
     for name in _SCENARIOS:
         first = None
-        for delay_s in delays_s:
+        for delay_s in DELAYS_S:
             found = [_squares(replace(SCENARIOS[name], seed=seed), delay_s) for seed in seeds]
             squares = np.concatenate(found)
             known = squares[np.isfinite(squares)]
@@ -63,11 +62,8 @@ def _squares(scenario: Scenario, delay_s: float) -> Floats:
     pose, quality = slips.pose[:, pad], slips.quality[:, pad]
     true = move(scenario.motion, slips.t_s - np.nan_to_num(slips.lag_s[:, pad]), scenario.seed).pose
     known = np.isfinite(pose[:, :2]).all(axis=1) & (quality == OK)
-    piece = np.cumsum(~slips.contact[:, pad] | (quality == LOST))
     squares = np.full(len(slips), np.nan)
-    for number in np.unique(piece[known]):
-        own = np.flatnonzero(known & (piece == number))
-        if len(own) >= FEWEST:
-            error = without_frame(pose[own], true[own], np.ones((len(own), 3)))
-            squares[own] = np.sum(error[:, :2] ** 2, axis=1)
+    for own in contacts_of(known, np.cumsum(~slips.contact[:, pad] | (quality == LOST))):
+        error = without_frame(pose[own], true[own], np.ones((len(own), 3)))
+        squares[own] = np.sum(error[:, :2] ** 2, axis=1)
     return squares[slips.contact[:, pad]]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.centroid.paper_reference import convolution_matrix
-from taxelflow.evaluation.base import Watch, unwatched
+from taxelflow.evaluation.base import Watch
 from taxelflow.evaluation.field import Field, true_twist
 from taxelflow.evaluation.limits import Limits
 from taxelflow.evaluation.strokes import PAPER_METHODS, Row
@@ -40,7 +40,7 @@ FIELD_METHODS = ("convolution", "template")
 _HAND = "barretthand-162"
 
 
-def draw_paper(out: Path, form: str, *, strokes: int, seeds: int, watched: Watch = unwatched) -> list[Path]:
+def draw_paper(out: Path, form: str, *, strokes: int, seeds: int, watched: Watch) -> list[Path]:
     """Draw every figure into `out`, made if need be. Raises ExtraMissing.
 
     strokes: per speed in Table I. seeds: per scenario in the curves of rotation error and of error against the bound.

@@ -19,6 +19,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import Table, table_of, unwatched
 from taxelflow.evaluation.cells import caption, decimals, short, solved_by
 from taxelflow.evaluation.peer_methods import peers
+from taxelflow.evaluation.statistics import rms
 from taxelflow.evaluation.strokes import (
     SETS,
     SPEEDS_MM_S,
@@ -131,7 +132,7 @@ class _Measured:
     def bounds(self) -> list[BoundRow]:
         """RMS of the strokes' bounds, by speed and set of scans."""
         return [
-            BoundRow(speed, scans, 100 * float(np.sqrt(np.mean(np.square(self._deviations[speed, scans])))) / speed)
+            BoundRow(speed, scans, 100 * rms(self._deviations[speed, scans]) / speed)
             for speed in SPEEDS_MM_S
             for scans in SETS
         ]

@@ -160,7 +160,7 @@ def _span(ran: Summary, track: Track, pattern: LearnedPattern) -> slice:
 
 def _true_poses(truth: Truth, t_s: Floats, like: Floats) -> Floats:
     """(n, 3), the truth at times (n,); its turn counts from where it agrees best with another (n,)."""
-    true = np.stack([np.interp(t_s, truth.t_s, column) for column in truth.pose.T], axis=1)
+    true = truth.pose_at(t_s)
     true[:, 2] = _levelled(true[:, 2], like)
     return true
 

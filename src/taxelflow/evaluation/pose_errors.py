@@ -15,10 +15,12 @@ import numpy as np
 
 from taxelflow.evaluation.bound import FEWEST
 from taxelflow.messages import LOST, OK
-from taxelflow.numerics.geometry import rotation
+from taxelflow.numerics.geometry import rotation, wrapped
 from taxelflow.simulation.motion import move
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from taxelflow.evaluation.bound import Bound
@@ -49,12 +51,18 @@ def errors_of(scenario: Scenario, t_s: Floats, slips: Slips, pad: int, bound: Bo
     broken = ~slips.contact[:, pad] | (quality == LOST)
     piece = np.cumsum(broken)
     error, since = np.full(pose.shape, np.nan), np.full(pose.shape, np.nan)
+    for own in contacts_of(known, piece):
+        error[own] = without_frame(pose[own], true[own], bound.known[own])
+        since[own[1:]] = _moved(pose[own], true[own])
+    return Errors(error, since, slips.covariance[:, pad], quality == OK, piece, bound)
+
+
+def contacts_of(known: Bools, piece: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
+    """The known scans (scans,) of each contact that has enough of them. piece: (scans,), number of the contact."""
     for number in np.unique(piece[known]):
         own = np.flatnonzero(known & (piece == number))
         if len(own) >= FEWEST:
-            error[own] = without_frame(pose[own], true[own], bound.known[own])
-            since[own[1:]] = _moved(pose[own], true[own])
-    return Errors(error, since, slips.covariance[:, pad], quality == OK, piece, bound)
+            yield own
 
 
 def without_frame(pose: Floats, true: Floats, deviation: Floats) -> Floats:
@@ -72,7 +80,7 @@ def without_frame(pose: Floats, true: Floats, deviation: Floats) -> Floats:
     sure = np.where(np.isfinite(deviation[:, 2]), 1 / deviation[:, 2] ** 2, 1.0) * np.isfinite(pose[:, 2])
     turned = np.nan_to_num(pose[:, 2] - true[:, 2])
     off = turned - np.angle(np.sum(sure * np.exp(1j * turned)))
-    error[:, 2] = np.where(np.isfinite(pose[:, 2]), (off + np.pi) % (2 * np.pi) - np.pi, np.nan)
+    error[:, 2] = np.where(np.isfinite(pose[:, 2]), wrapped(off), np.nan)
     return error
 
 
@@ -83,7 +91,7 @@ def _moved(pose: Floats, true: Floats) -> Floats:
     """
     gap = pose[:, 2] - true[:, 2]
     known = np.flatnonzero(np.isfinite(gap))
-    turned = (gap - (gap[known[0]] if len(known) else 0.0) + np.pi) % (2 * np.pi) - np.pi
+    turned = wrapped(gap - (gap[known[0]] if len(known) else 0.0))
     way = rotation(true[:, 2] - true[0, 2] + np.nan_to_num(turned))
     centre = pose[:, :2] + way @ (true[0, :2] - pose[0, :2])
     turned[known[:1]] = np.nan

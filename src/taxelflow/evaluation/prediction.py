@@ -25,7 +25,9 @@ from taxelflow.estimation.template.online.session import StreamSession
 from taxelflow.estimation.template.parameters import Template
 from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption
+from taxelflow.evaluation.statistics import rms
 from taxelflow.messages import LOST, OK, cut
+from taxelflow.numerics.spans import spans
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 
@@ -264,9 +266,8 @@ def _turns(recording: Recording) -> list[Turn]:
     template, axis = (api.estimate(recording, method).slips for method in ("template", "principal_axis"))
     layout, found = recording.layout, []
     for pad in range(layout.pad_count):
-        edges = np.flatnonzero(np.diff(template.contact[:, pad], prepend=False, append=False))
         best = None
-        for first, last in edges.reshape(-1, 2).tolist():
+        for first, last in spans(template.contact[:, pad]):
             theta, other = template.pose[first:last, pad, 2], axis.pose[first:last, pad, 2]
             load = template.load[first:last, pad]
             both = np.flatnonzero(np.isfinite(theta) & np.isfinite(other) & (load >= _LOADED * load.max()))
@@ -280,7 +281,7 @@ def _turns(recording: Recording) -> list[Turn]:
                     scans=len(both),
                     template_deg=float(theta[-1] - theta[0]),
                     axis_deg=float(other[-1] - other[0]),
-                    apart_deg=float(np.sqrt(np.mean((gap - np.median(gap)) ** 2))),
+                    apart_deg=rms(gap - np.median(gap)),
                     ok_percent=100.0 * float(np.mean(template.quality[first:last, pad][both] == OK)),
                 )
         found += [best] if best else []

@@ -29,8 +29,6 @@ _MOST_BYTES = 3.4e6
 """Text of all trajectories together; the rest of the page takes some hundred kB."""
 _MOST_EVENTS = 500
 """Events in the table; how many more there are is stated."""
-_HALF = 0.5
-"""Between no contact (0) and contact (1), interpolated at the truth's times."""
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc2fa0", "#8a6d00", "#56b4e9")
 """Okabe and Ito's, in the order of results; a method keeps the colour of its pictures if no other result has it."""
 
@@ -139,7 +137,8 @@ def _truth(recording: Recording, shown: Shown) -> dict[str, Any]:
     """The truth while its pad was touched."""
     truth = recording.known_truth
     (track,) = (track for track in shown.tracks if track.pad == truth.pad)
-    touching = np.interp(truth.t_s, track.numbers["t_s"], track.flags["contact"].astype(np.float64)) > _HALF
+    # Between no contact (0) and contact (1), interpolated at the truth's times.
+    touching = np.interp(truth.t_s, track.numbers["t_s"], track.flags["contact"].astype(np.float64)) > 0.5
     pose = np.where(touching[:, np.newaxis], truth.pose, np.nan)
     return truth_chart(truth.pad, truth.t_s - shown.ran.t_first_s, pose)
 

@@ -15,7 +15,7 @@ from rich.console import Console
 from taxelflow.errors import NameUnknown, TipsOver
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, number, short
+from taxelflow.evaluation.cells import caption, number, percent, short
 from taxelflow.evaluation.robustness_rows import SIMPLE, CaseRow, RobustnessSummary, row_of, summaries, with_ratios
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
@@ -188,8 +188,8 @@ class RobustnessReport(msgspec.Struct, frozen=True):
                     number(row.error_deg, 2),
                     number(row.nees_position, 1),
                     number(row.nees_turn, 1),
-                    f"{100 * row.ok_share:.0f}",
-                    number(None if row.wrong_share is None else 100 * row.wrong_share, 1),
+                    percent(row.ok_share),
+                    percent(row.wrong_share, 1),
                 )
                 table.add_row(row.effect, row.shape, row.layout, *numbers)
         return table
@@ -204,12 +204,12 @@ def _summary(rows: Sequence[RobustnessSummary]) -> Shown:
             row.method,
             str(row.cases),
             str(row.worse),
-            f"{100 * row.better_share:.0f}",
+            percent(row.better_share),
             number(row.median_ratio, 2),
             number(row.largest_ratio, 2),
             number(row.nees_position, 1),
             number(row.nees_turn, 1),
-            f"{100 * row.ok_share:.0f}",
-            number(None if row.wrong_share is None else 100 * row.wrong_share, 1),
+            percent(row.ok_share),
+            percent(row.wrong_share, 1),
         )
     return table

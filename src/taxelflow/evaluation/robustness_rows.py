@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.evaluation.pose_errors import without_frame
+from taxelflow.evaluation.statistics import finite
 from taxelflow.messages import LOST, OK
 from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.simulation.relief.course import follow
@@ -198,17 +199,13 @@ def _summary(effect: str, method: str, rows: Sequence[CaseRow]) -> RobustnessSum
         cases=len(compared),
         worse=int((ratios > _WORSE).sum()),
         better_share=float((ratios < _BETTER).mean()) if len(ratios) else 0.0,
-        median_ratio=_finite(np.median(ratios)) if len(ratios) else None,
-        largest_ratio=_finite(ratios.max()) if len(ratios) else None,
+        median_ratio=finite(np.median(ratios)) if len(ratios) else None,
+        largest_ratio=finite(ratios.max()) if len(ratios) else None,
         nees_position=_median([row.nees_position for row in own]),
         nees_turn=_median([row.nees_turn for row in own]),
         ok_share=sum(row.ok for row in own) / scans if scans else 0.0,
         wrong_share=sum(row.wrong or 0 for row in judged) / ok if ok else None,
     )
-
-
-def _finite(value: float | np.floating) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _median(values: Sequence[float | None]) -> float | None:

@@ -17,6 +17,7 @@ import numpy as np
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.oracle import called
 from taxelflow.messages import OK, Event, Slips, joined
+from taxelflow.numerics.spans import spans
 from taxelflow.pipeline import api
 from taxelflow.runtime.compiling import announced
 from taxelflow.simulation.parameters import Contact
@@ -148,7 +149,7 @@ def compared(slipping: Bools, events: list[Event], truth: Truth, shortest_s: flo
     near = np.convolve(true, np.ones(early + 2))[early : early + len(true)] > 0  # one scan late, too
     tally.false = sum(not near[int(np.searchsorted(t_s, event.t_s))] for event, _ in starts)
     half_s = 0.5 * float(np.median(np.diff(t_s)))
-    for begin, end in _runs(true):
+    for begin, end in spans(true):
         if t_s[end - 1] - t_s[begin] < shortest_s - 4 * half_s:  # the last one, cut short by the end of the motion
             continue
         found = np.flatnonzero(slipping[begin:end])
@@ -173,7 +174,7 @@ def _ask_oracle(slips: Slips, pad: int, truth: Truth, job: Job, tally: Tally) ->
         return  # poses that are older than their scan are means of two
     covariance = np.where(known[:, np.newaxis, np.newaxis], covariance, np.median(covariance[known], axis=0))
     alarm_s = 3600.0 / job.alarms_per_hour
-    best = called(truth.t_s, truth.pose[:, :2], covariance, _runs(truth.slipping), alarm_s, job.seed)
+    best = called(truth.t_s, truth.pose[:, :2], covariance, spans(truth.slipping), alarm_s, job.seed)
     tally.oracle_true, tally.oracle_called = int(truth.slipping.sum()), int(best.sum())
     tally.oracle_both = int((best & truth.slipping).sum())
 
@@ -185,12 +186,6 @@ def _judge_motion(stop: Event, way: Floats, lasts_s: float, tally: Tally) -> Non
         off = stop.direction_rad - float(np.arctan2(way[1], way[0]))
         tally.direction_deg.append(float(np.degrees(abs((off + np.pi) % (2 * np.pi) - np.pi))))
         tally.speed_percent.append(100 * abs(stop.speed_m_s / speed - 1))
-
-
-def _runs(flags: Bools) -> list[tuple[int, int]]:
-    """Begin and end (excluded) of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _noise(seed: int, hours: float, monitor: SlipMonitor) -> Tally:

@@ -14,8 +14,8 @@ import msgspec
 import numpy as np
 
 from taxelflow.estimation.completion import start_slips
-from taxelflow.evaluation.base import unwatched
 from taxelflow.evaluation.bound import bound_of
+from taxelflow.evaluation.statistics import rms
 from taxelflow.messages import LOST, joined
 from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.pipeline import api
@@ -102,8 +102,8 @@ def run_trials(
     strokes: int,
     seed: int,
     measure: Callable[[Scenario], dict[str, list[Stroke]]],
-    solver: Solver = "analytic",
-    watched: Watch = unwatched,
+    solver: Solver,
+    watched: Watch,
 ) -> Seen:
     """Measure `strokes` strokes at each speed, and as many again at 25 mm/s to fit the factors, two a trial."""
     trials = (strokes + 1) // 2
@@ -271,7 +271,7 @@ def _row(speed: int, method: str, scans: str, fitted: tuple[float, float], strok
     factor, factor_error = fitted
     velocity = factor * velocity
     error = sign * velocity - speed
-    rmse = float(np.sqrt(np.mean(error**2)))
+    rmse = rms(error)
     spread = float(np.std(error**2) / np.sqrt(len(error)) / (2 * rmse))
     return Row(
         nominal_mm_s=speed,

@@ -24,6 +24,7 @@ from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number
 from taxelflow.evaluation.marker_recordings import marked_recordings, open_marked
 from taxelflow.messages import OK
+from taxelflow.numerics.spans import spans
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import not_negative
@@ -204,8 +205,7 @@ def judged(marked: Marked, result: Result, half: Half, method: str, delay_s: flo
 def _settled(t_s: Floats, contact: Bools) -> Bools:
     """(scans,), in contact, and neither in its first second nor in its last half second."""
     settled = np.zeros_like(contact)
-    edges = np.flatnonzero(np.diff(contact, prepend=False, append=False)).reshape(-1, 2)
-    for first, last in edges.tolist():
+    for first, last in spans(contact):
         own = t_s[first:last]
         settled[first:last] = (own >= own[0] + _CLOSING_S) & (own <= own[-1] - _OPENING_S)
     return settled

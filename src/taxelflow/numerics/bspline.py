@@ -134,6 +134,12 @@ def value_at(c: Floats, x: float, y: float) -> tuple[float, float, float]:
 
 
 @inlined
+def by_state(u: float, w: float, qu: float, qw: float, cos: float, sin: float) -> tuple[float, float, float, float]:
+    """Derivatives of q by x, y, theta, s, from its slopes qu, qw at (u, w) from the object; cos, sin as in `seen`."""
+    return qw * sin - qu * cos, -qw * cos - qu * sin, qu * w - qw * u, -qu * u - qw * w
+
+
+@inlined
 def seen(
     c: Floats, left: float, low: float, cos: float, sin: float, dx: float, dy: float
 ) -> tuple[float, float, float, float, float]:
@@ -143,7 +149,7 @@ def seen(
     """
     u, w = cos * dx + sin * dy, cos * dy - sin * dx
     q, qu, qw = value_at(c, u - left, w - low)
-    return q, qw * sin - qu * cos, -qw * cos - qu * sin, qu * w - qw * u, -qu * u - qw * w
+    return (q, *by_state(u, w, qu, qw, cos, sin))
 
 
 @kernel

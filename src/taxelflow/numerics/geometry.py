@@ -24,6 +24,11 @@ def rotation(theta: Floats | float) -> Floats:
     return matrix
 
 
+def wrapped(angle: Floats) -> Floats:
+    """Angles, rad, from -pi to pi."""
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
 def transform(pose: Floats, points: Floats) -> Floats:
     """Points (..., 2) in the frames of poses (..., 3), mapped to the frame that the poses are in."""
     moved: Floats = np.einsum("...ij,...j->...i", rotation(pose[..., 2]), points) + pose[..., :2]

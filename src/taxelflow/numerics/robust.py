@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from taxelflow.messages import Floats
 from taxelflow.runtime.compiling import inlined, kernel
 
 MAD_TO_SIGMA = 1.4826
@@ -16,6 +17,11 @@ CHEAPER = 1e-3
 """What a further start of a registration must lower the cost by, to be more than rounding."""
 GATE = 2.0
 """A scan fits up to this many times the reduced chi-square that is expected."""
+
+
+def robust_std(values: Floats, middle: float) -> float:
+    """Standard deviation of numbers about their median, `middle`, by the median of their absolute deviations."""
+    return MAD_TO_SIGMA * float(np.median(np.abs(values - middle)))
 
 
 @inlined

@@ -15,14 +15,16 @@ from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.joints import asked_joints
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
-from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingCorrupt, RecordingMissing, written_at
+from taxelflow.errors import FormatUnknown, ParameterInvalid, RecordingCorrupt, RecordingMissing
 from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.messages import RawScans, Scans, joined
-from taxelflow.pipeline.result import Result, summarise
+from taxelflow.pipeline.result import Result
+from taxelflow.pipeline.run_summary import summarise
 from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.summary import Totals
 from taxelflow.runtime import registry
 from taxelflow.runtime.compiling import announced
+from taxelflow.runtime.whole_file import whole_file
 from taxelflow.sensors.calibration import Calibration, load_calibration
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.sensor import Sensor
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from taxelflow.acquire.options import Recorded
     from taxelflow.estimation.base import Estimator, Mode
 
 _BAG_DIRECTORY = "metadata.yaml"
@@ -88,6 +91,11 @@ def read(
     return recording if joints is None else replace(recording, joints=asked_joints(joints, recording.sensor))
 
 
+def opened(asked: Recorded) -> Recording:
+    """The recording that the options of a command name. Raises what `read` raises."""
+    return read(asked.recording, asked.sensor, topic=asked.topic, columns=asked.own_columns, joints=asked.joints)
+
+
 def recording(
     t_s: ArrayLike,
     values: ArrayLike,
@@ -129,14 +137,9 @@ def convert(
     if path.suffix.lower() not in registry.names("writer"):
         raise FormatUnknown(path, registry.names("writer"), "writer")
     write = registry.find("writer", path.suffix.lower())
-    part = path.with_name(path.name + ".part")
     reading = recording.source_blocks()
-    try:
-        with written_at(path):
-            write(recording, part, watched(reading))
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    with whole_file(path) as part:
+        write(recording, part, watched(reading))
     return reading
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from taxelflow.errors import ResultMissing
 from taxelflow.messages import LearnedPattern
+from taxelflow.runtime.whole_file import whole_file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,10 +29,8 @@ def write_patterns(patterns: Sequence[LearnedPattern], path: Path) -> None:
     arrays: dict[str, Any] = {name: np.array([getattr(one, name) for one in patterns]) for name in _SINGLE}
     for number, one in enumerate(patterns):
         arrays |= {f"{name}_{number}": getattr(one, name) for name in _ARRAYS}
-    part = path.with_name(path.name + ".part")
-    with part.open("wb") as file:
+    with whole_file(path) as part, part.open("wb") as file:
         np.savez_compressed(file, **arrays)
-    part.replace(path)
 
 
 def read_patterns(directory: Path) -> list[LearnedPattern]:

@@ -111,12 +111,6 @@ def read_orientations(directory: Path, pad: str) -> list[tuple[float, float]]:
         raise ResultMissing(directory, f"readable contacts.csv ({error})") from error
 
 
-def spans(flag: Bools) -> list[tuple[int, int]]:
-    """Runs of True in flag (n,), as first index and index after the last."""
-    edges = np.flatnonzero(np.diff(flag.astype(np.int8), prepend=0, append=0))
-    return [(int(first), int(stop)) for first, stop in edges.reshape(-1, 2)]
-
-
 def _tracks(slips: Path, ran: Summary) -> list[Track]:
     """Each scan has a row per pad, in one order. Pieces are parsed in C: an hour of a hand has a million rows."""
     names = [*_COLUMNS, *_FLAGS, "quality"]

@@ -17,6 +17,7 @@ from taxelflow.publish.patterns import write_patterns
 from taxelflow.publish.spatial import COLUMNS, spatial_rows
 from taxelflow.publish.spatial import NAME as SPATIAL
 from taxelflow.publish.summary import to_json
+from taxelflow.runtime.whole_file import whole_file
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -130,16 +131,13 @@ class Tables:
 
     def write_summary(self, summary: Summary) -> None:
         """Write `summary.json`, whole or not at all."""
-        part = self.directory / "summary.json.part"
-        with written_at(part):
+        with whole_file(self.directory / "summary.json") as part:
             part.write_bytes(to_json(summary))
-        part.replace(part.with_suffix(""))
 
     def write_patterns(self, patterns: Sequence[LearnedPattern]) -> None:
         """Write `patterns.npz`, if there are any, whole or not at all."""
         if patterns:
-            with written_at(self.directory / PATTERNS):
-                write_patterns(patterns, self.directory / PATTERNS)
+            write_patterns(patterns, self.directory / PATTERNS)
 
     def _append(self, name: str, rows: Iterable[Iterable[str]]) -> None:
         csv.writer(self._files[name], lineterminator="\n").writerows(rows)

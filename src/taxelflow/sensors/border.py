@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.rounding import CERTAIN
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel, routine
 
@@ -15,9 +16,6 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Scans
     from taxelflow.sensors.layout import Layout
-
-_BORDER_SIGMAS = 6.0
-"""A border taxel is loaded if it reads more than this many standard deviations of its noise."""
 
 
 class Boundary:
@@ -53,7 +51,7 @@ def mark_border_block(
     at_border: Bools,
 ) -> None:
     """`mark_border` in NumPy."""
-    limit = _BORDER_SIGMAS * noise[edge]
+    limit = CERTAIN * noise[edge]
     loaded = (limit > 0.0) & (pressure[:, edge] > limit)
     for pad in range(len(edge_starts) - 1):
         own = slice(edge_starts[pad], edge_starts[pad + 1])
@@ -87,7 +85,7 @@ def mark_border(
 def _mark_pad(reading: Floats, noise: Floats, edge: NDArray[np.int64], faces: Bools, at_border: Bools) -> None:
     """Set at_border (2,) of a pad whose taxels at a border are `edge`."""
     for taxel in edge:
-        if 0.0 < _BORDER_SIGMAS * noise[taxel] < reading[taxel]:
+        if 0.0 < CERTAIN * noise[taxel] < reading[taxel]:
             at_border[0] |= faces[taxel, 0]
             at_border[1] |= faces[taxel, 1]
             if at_border[0] and at_border[1]:

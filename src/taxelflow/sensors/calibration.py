@@ -11,7 +11,8 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from taxelflow.errors import CalibrationInvalid, CalibrationUnfit, written_at
+from taxelflow.errors import CalibrationInvalid, CalibrationUnfit
+from taxelflow.runtime.whole_file import whole_file
 from taxelflow.sensors.toml_text import parse_toml, read_limited
 
 if TYPE_CHECKING:
@@ -104,11 +105,8 @@ def load_calibration(path: str | Path) -> Calibration:
 
 def save_calibration(calibration: Calibration, path: str | Path) -> None:
     """Write the file, whole or not at all."""
-    path = Path(path)
-    part = path.with_name(path.name + ".part")
-    with written_at(path):
+    with whole_file(Path(path)) as part:
         part.write_text(to_toml(calibration), encoding="utf-8")
-    part.replace(path)
 
 
 def to_toml(calibration: Calibration) -> str:

@@ -201,7 +201,7 @@ def sensor_of(table: object, source: str, folder: Traversable | None = None) -> 
     return sensor
 
 
-def unchecked(table: object, source: str, folder: Traversable | None = None) -> Sensor:
+def unchecked(table: object, source: str, folder: Traversable | None) -> Sensor:
     """`sensor_of` without the checks that compute the layout, which take time: only types and ranges of fields."""
     try:
         sensor = msgspec.convert(table, Sensor)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec.structs import replace
 
 from taxelflow.errors import SensorFileInvalid
+from taxelflow.sensors.pads import LARGEST
 from taxelflow.sensors.toml_text import read_limited
 
 if TYPE_CHECKING:
@@ -35,8 +36,6 @@ _UNITS = {
     "area_mm2": 1e-6,
     "index": 1.0,
 }
-_MOST = 1e6
-"""Largest absolute value of a field, as in a sensor file (`pads.Number`)."""
 _REMEDY = "the header must be x_m,y_m or x_m,y_m,z_m,nx,ny,nz (or in mm: x_mm), optionally with area_m2 and index"
 
 
@@ -99,7 +98,7 @@ def _number(field: str, row: int, name: str) -> float:
         value = float(field)
     except ValueError:
         raise ValueError(f"row {row}, column {name}: {field!r} is not a number") from None
-    if not abs(value) < _MOST or (name == "index" and (value < 0 or value != int(value))):
+    if not abs(value) < LARGEST or (name == "index" and (value < 0 or value != int(value))):
         raise ValueError(f"row {row}, column {name}: {field} is out of range")
     if name.startswith("area") and value <= 0:
         raise ValueError(f"row {row}, column {name}: {field} is not an area above 0")

@@ -9,7 +9,7 @@ along the normals.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -104,7 +104,9 @@ def simulate_grasp(grasp: Grasp) -> Grasped:
     for name in FINGERS:
         pad = sensor.layout.pads.index(name)
         own = sensor.layout.of_pad(pad)
-        values[:, own] = pressed_along(_pressing(grasp, pad), sensor.layout, pad, t_s, _path(grasp, t_s, X, T[:, pad]))
+        values[:, own] = pressed_along(
+            _pressing(grasp, pad), sensor.layout, pad, t_s, _Path.on(grasp, t_s, X, T[:, pad])
+        )
     values += random.normal(0.0, grasp.noise_pa, values.shape) + 2e3
     raw = RawScans(t_s, np.maximum(values, 0.0) / sensor.to_si)
     known = angles + random.normal(0.0, 1.0, angles.shape) * std
@@ -131,13 +133,13 @@ def grasp_bound(grasp: Grasp, grasped: Grasped, scans: list[int]) -> Floats:
     for name in FINGERS:
         pad = layout.pads.index(name)
         pressing = _pressing(grasp, pad)
-        path = _path(grasp, t_s, grasped.X, grasped.T[:, pad])
+        path = _Path.on(grasp, t_s, grasped.X, grasped.T[:, pad])
         plain = pressed_along(pressing, layout, pad, chosen, path)
         by_pose = np.stack(
             [
                 (
-                    pressed_along(pressing, layout, pad, chosen, _shifted(path, step))
-                    - pressed_along(pressing, layout, pad, chosen, _shifted(path, -step))
+                    pressed_along(pressing, layout, pad, chosen, replace(path, shift=step))
+                    - pressed_along(pressing, layout, pad, chosen, replace(path, shift=-step))
                 )
                 / (2 * np.abs(step).max())
                 for step in np.diag((_STEP_M, _STEP_M, _STEP_RAD))
@@ -198,31 +200,25 @@ def _pressing(grasp: Grasp, pad: int) -> Pressing:
     )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class _Path:
-    """Pose of a relief on its pad at times between the scans, too."""
+    """Pose (scans, 3) of a relief on its pad at times (scans,), from first touch on; shift (3,): added to each pose."""
 
-    def __init__(self, grasp: Grasp, t_s: Floats, X: Floats, T: Floats) -> None:
+    t_s: Floats
+    pose: Floats
+    begin_s: float
+    shift: Floats | float = 0.0
+
+    @classmethod
+    def on(cls, grasp: Grasp, t_s: Floats, X: Floats, T: Floats) -> _Path:
+        """Of the object X on a pad T, (scans, 4, 4) each."""
         start = T[np.searchsorted(t_s, grasp.idle_s)]  # the relief lies under the pad where it is first touched
         on_pad = se3_inverse(T) @ X @ start
-        self._t_s, self._begin_s = t_s, grasp.idle_s
         turn = np.unwrap(np.arctan2(on_pad[:, 1, 0], on_pad[:, 0, 0]))
-        self._pose = np.column_stack([on_pad[:, :2, 3], turn])
-        self.shift = np.zeros(3)
+        return cls(t_s, np.column_stack([on_pad[:, :2, 3], turn]), grasp.idle_s)
 
     def __call__(self, t_s: Floats) -> Followed:
-        pose = np.column_stack([np.interp(t_s, self._t_s, axis) for axis in self._pose.T]) + self.shift
+        pose = np.column_stack([np.interp(t_s, self.t_s, axis) for axis in self.pose.T]) + self.shift
         none = np.zeros(len(t_s), dtype=np.bool_)
-        load = np.clip((t_s - self._begin_s) / 0.05, 0.0, 1.0)
+        load = np.clip((t_s - self.begin_s) / 0.05, 0.0, 1.0)
         return Followed(pose, load, np.zeros((len(t_s), 2)), none, none, np.zeros(2))
-
-
-def _path(grasp: Grasp, t_s: Floats, X: Floats, T: Floats) -> _Path:
-    return _Path(grasp, t_s, X, T)
-
-
-def _shifted(path: _Path, step: Floats) -> _Path:
-    """The path with a constant added to its poses (3,)."""
-    other = object.__new__(_Path)
-    other.__dict__.update(path.__dict__)
-    other.shift = path.shift + step
-    return other

@@ -8,14 +8,13 @@ from typing import Literal, get_args
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.runtime.checks import not_negative, positive, within
+from taxelflow.sensors.pads import LARGEST
 
 Shape = Literal["airbag", "hertz", "elongated", "feet", "textured", "bulb"]
 LONG = ("elongated", "bulb")
 """Shapes with a long axis, `aspect` times the width."""
 TEXTURED = ("textured", "bulb")
 """Shapes with a random texture."""
-_MOST = 1e6
-"""Largest absolute value of an angle, a turn rate or a position."""
 _MOST_COUNT = 10_000
 """Largest number of feet, cycles or steps."""
 
@@ -120,7 +119,7 @@ class Motion:
         for name in ("rest_s", "travel_m"):
             not_negative(f"motion.{name}", getattr(self, name))
         for number in (self.direction_rad, self.turn_rad_s, self.angle_rad, *self.middle_m):
-            within("each of motion.direction_rad, turn_rad_s, angle_rad and middle_m", number, -_MOST, _MOST)
+            within("each of motion.direction_rad, turn_rad_s, angle_rad and middle_m", number, -LARGEST, LARGEST)
         _ordered("motion.interval_s", self.interval_s)
         _ordered("motion.slip_m_s", self.slip_m_s)
         if self.kind == "stick-slip" and self.travel_m < 2 * self.interval_s[1] * self.slip_m_s[1]:

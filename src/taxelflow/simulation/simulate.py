@@ -10,11 +10,12 @@ import msgspec
 import numpy as np
 
 from taxelflow.acquire.base import HAND, Recording, Truth
-from taxelflow.acquire.limits import BLOCK_SCANS
+from taxelflow.acquire.blocks import cut_up
 from taxelflow.acquire.npz import write_npz
 from taxelflow.errors import NameUnknown, ParameterInvalid
-from taxelflow.messages import RawScans, cut
+from taxelflow.messages import RawScans
 from taxelflow.numerics.geometry import inverse_transform
+from taxelflow.runtime.whole_file import whole_file
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.contact import taxel_pressure
 from taxelflow.simulation.load import State, state_at
@@ -25,7 +26,6 @@ from taxelflow.simulation.scenario import SCENARIOS, Scenario
 from taxelflow.simulation.sensing import clock, delays, reported, sense
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -59,10 +59,6 @@ def simulate(scenario: Scenario | str) -> Recording:
     values = sense(scenario.sensing, pressure, t_s, random, scenario.seed) / sensor.to_si
     scans = RawScans(reported(scenario.sensing, t_s, scenario.seed), sensor.channel_map.to_source(values))
 
-    def read() -> Iterator[RawScans]:
-        for start in range(0, len(scans), BLOCK_SCANS):
-            yield cut(scans, start, min(start + BLOCK_SCANS, len(scans)))
-
     sensor = msgspec.structs.replace(sensor, unseen_error=0.0)  # the rig's sensor has no such faults
     if scenario.sensing.scan_share:
         sensor = msgspec.structs.replace(sensor, delay_s=tuple(delays(scenario.sensing, layout.taxels).tolist()))
@@ -70,7 +66,7 @@ def simulate(scenario: Scenario | str) -> Recording:
     path = move(scenario.motion, t_s, scenario.seed)
     second = move(scenario.second.motion, t_s, scenario.seed + 1).pose if scenario.second.there else None
     truth = Truth(scenario.pad, t_s, path.pose, path.slipping, second)
-    return Recording(name, "rig", sensor, read, scans=len(scans), truth=truth)
+    return Recording(name, "rig", sensor, lambda: cut_up(scans), scans=len(scans), truth=truth)
 
 
 def of_second(scenario: Scenario) -> Scenario:
@@ -83,9 +79,8 @@ def of_second(scenario: Scenario) -> Scenario:
 def save(scenario: Scenario, path: Path) -> Recording:
     """Simulate, and write an `.npz` recording with truth and all parameters; atomically."""
     recording = simulate(scenario)
-    part = path.with_name(path.name + ".part")
-    write_npz(recording, part, recording.source_blocks(), parameters=json.dumps(asdict(scenario)))
-    part.replace(path)
+    with whole_file(path) as part:
+        write_npz(recording, part, recording.source_blocks(), parameters=json.dumps(asdict(scenario)))
     return recording
 
 

@@ -43,7 +43,7 @@ class Texture:
             for wave, phase, drift in zip(self.wave, self.phase, self.drift, strict=True)
         ]
 
-    def factor(self, depth: float, along: Floats, across: Floats, deformed: Floats | float = 0.0) -> Floats:
+    def factor(self, depth: float, along: Floats, across: Floats, deformed: Floats) -> Floats:
         """Factor (...) on the pressure: mean 1, standard deviation `depth`, not below 0."""
         waves = sum(self.terms(along, across, deformed), np.zeros(()))
         factor: Floats = np.clip(1.0 + depth * np.sqrt(2 / _WAVES) * waves, 0.0, None)

@@ -16,12 +16,13 @@ import numpy as np
 from taxelflow.messages import Event, Floats, Slips
 from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.slip.measurement import MIN_STD_M
+from taxelflow.slip.onset import MAX_AGE_SCANS
 from taxelflow.slip.session import Detected, SlipSession
 
 if TYPE_CHECKING:
     from taxelflow.numerics.records import Records
 
-_LOOKBACK_SCANS, _LOOKAHEAD_SCANS = 64, 20
+_LOOKBACK_SCANS, _LOOKAHEAD_SCANS = MAX_AGE_SCANS, 20
 """A change lies at most this many scans before its report, and the fit uses at most this many scans after the report.
 64 is the largest age of a ramp of the onset detector."""
 _SIDE_SCANS, _MIN_SIDE_SCANS = 20, 2

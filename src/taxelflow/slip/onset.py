@@ -32,7 +32,7 @@ MAX_RAMPS = 20
 """Start times that are tested at a time."""
 _RECENT_RAMPS = 8
 """The latest start times, which are never merged."""
-_MAX_AGE_S, _MAX_AGE_SCANS = 2.0, 64
+_MAX_AGE_S, MAX_AGE_SCANS = 2.0, 64
 """The oldest start time is dropped at the larger of these ages, in s and in mean scans of the time between the last
 two. Merged instead, it would gain weight as long as the object rests, and so would the rate of alarms."""
 _MIN_VISIBLE_SHARE = 0.1
@@ -191,7 +191,7 @@ def prune(t_s: float, onset: OnsetState) -> None:
     if onset.count < MAX_RAMPS:
         return
     count, ramps = onset.count, onset.ramps
-    if t_s - ramps[0].start_s > max(_MAX_AGE_S, _MAX_AGE_SCANS * (t_s - ramps[count - 1].start_s)):
+    if t_s - ramps[0].start_s > max(_MAX_AGE_S, MAX_AGE_SCANS * (t_s - ramps[count - 1].start_s)):
         remove(0, count, ramps)
     else:
         merge_closest(t_s, count, _RECENT_RAMPS, ramps)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.numerics.rounding import ROUNDING
+from taxelflow.numerics.rounding import ROUNDING, SIGNIFICANT
 from taxelflow.slip.shear_change import ShearNoise, spread
 
 if TYPE_CHECKING:
@@ -38,9 +38,6 @@ _LONGEST_BIN_S = 0.25
 """A longer time between two scans is a gap. Sensors that scan that slowly give no evidence."""
 STEADY_RISE = 0.1
 """Change of the log load above which a grip closes or opens: the contact is not at rest."""
-_STIRRED_SIGMAS = 3.0
-"""Standard deviations of the squared norm of noise by which a pattern at rest must have changed to count as stirred.
-With two, 7 of 150 firm contacts that stick and slip were called restless in their first second, and stayed so."""
 _OWN = 6
 """Values of a pad and bin beside those of longer baselines."""
 _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
@@ -206,7 +203,8 @@ class PatternWatch:
             rise = np.log(np.maximum(sums[13], 0.0) / load)
             creep = 0.5 * self._creep_m**2 / (0.5 * (square - (x * x + y * y) / load) / load)  # of a Gaussian pattern
             unexplained, noise_power = np.maximum(1 - tilted / power, 0.0), variance / power
-            stirred = 1 - loaded / power > noise_power * (1 + _STIRRED_SIGMAS * np.sqrt(2 / taxels)) + creep
+            # With two sigmas, 7 of 150 firm contacts that stick and slip were called restless in their first second.
+            stirred = 1 - loaded / power > noise_power * (1 + SIGNIFICANT * np.sqrt(2 / taxels)) + creep
             valid &= np.isfinite(unexplained + noise_power + rise)
         steady = valid & (np.abs(rise) < STEADY_RISE)
         known = np.where(valid, (unexplained, noise_power, rise), np.nan)

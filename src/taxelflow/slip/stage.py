@@ -57,7 +57,7 @@ class SlipStage:
         load_m: float,
         settle_s: float,
         stream: bool,
-        judged: bool = False,
+        judged: bool,
     ) -> None:
         """The options are those of `SlipMonitor`. judged: see `SlipMonitor.watch`."""
         pads, parameters = layout.pads, parameter_records(alarms_per_hour, load_m, creep_m_s, settle_s)

@@ -23,8 +23,8 @@ def test_coefficients_that_readings_determine_are_counted_by_the_trace() -> None
         np.arange(6.0), places, readings, np.full(readings.shape, 1e-4), np.full(64, np.inf), np.zeros(64)
     )
     pattern = Pattern.covering(np.array([[-3.5, -3.5], [3.5, 3.5]]), 1.0)
-    stiffness = np.array([0.0, 0.0, np.inf, 1.0, np.inf])
-    fit = refine(pattern, scanned, states, rounds=8, error=0.02, stiffness=stiffness)
+    precision = np.array([0.0, 0.0, np.inf, 1.0, np.inf])
+    fit = refine(pattern, scanned, states, rounds=8, error=0.02, precision=precision)
 
     knots = pattern.coefficients.size
     bending, stencil = np.empty((knots, knots)), smoothness(pattern.shape)

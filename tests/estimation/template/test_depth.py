@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from taxelflow.estimation.template.depth import as_heights, as_pressure, take_depth, touch, with_depth
-from taxelflow.estimation.template.hypotheses import covering
-from taxelflow.estimation.template.map import fill
+from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.normal_equations import Normal, assemble
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.messages import Floats

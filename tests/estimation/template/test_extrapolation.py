@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.estimation.template.extrapolation import coverage, extrapolate, near
-from taxelflow.estimation.template.hypotheses import covering
-from taxelflow.estimation.template.map import fill
+from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import State

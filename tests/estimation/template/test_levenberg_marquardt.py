@@ -46,11 +46,11 @@ def scan(state: Floats, seed: int | None = None) -> Floats:
 def fit(reading: Floats, *, variance: Any = NOISE**2, ceiling: float = np.inf, turns: bool = True) -> tuple[Any, ...]:
     """State, information, chi-square and readings used, from a start at rest."""
     state, information = np.array([0.0, 0.0, 0.0, 1.0, 0.0]), np.zeros((STATE, STATE))
-    stiffness = np.array([0.0, 0.0, 0.0 if turns else 1e12, 0.0, 1e12])
+    precision = np.array([0.0, 0.0, 0.0 if turns else 1e12, 0.0, 1e12])
     noise = np.broadcast_to(variance, TAXELS).copy()
     taxels = pack_scan(PLACES, WHOLE, reading, noise, np.full(TAXELS, ceiling), 0.0)
     surface = Surface(bumps(), np.zeros((0, 0)), LATTICE)
-    _, chi, count = register(surface, taxels, Prior(state.copy(), stiffness), 3.0, 30, state, information)
+    _, chi, count = register(surface, taxels, Prior(state.copy(), precision), 3.0, 30, state, information)
     return state, information, chi, count
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from taxelflow.estimation.template import map_doubt
 from taxelflow.estimation.template.bundle_adjustment import information_of
-from taxelflow.estimation.template.hypotheses import coarse, covering
-from taxelflow.estimation.template.map import Pattern, fill
+from taxelflow.estimation.template.hypotheses import coarse
+from taxelflow.estimation.template.map import Pattern, covering, fill
 from taxelflow.estimation.template.map_doubt import of_map
 from taxelflow.estimation.template.normal_equations import Normal, assemble
 from taxelflow.estimation.template.observations import Scanned
@@ -21,7 +21,7 @@ ERROR = 0.01
 
 
 def sliding(scans: int) -> tuple[Pattern, Scanned, Floats, Floats]:
-    """A pattern of two bumps, scans of it on its way over a small pad, their states, and the states' stiffness."""
+    """A pattern of two bumps, scans of it on its way over a small pad, their states, and the states' precision."""
     axis = np.arange(4) - 1.5
     places = np.stack([part.ravel() for part in np.meshgrid(axis, axis)])
     states = np.zeros((scans, STATE))
@@ -34,13 +34,13 @@ def sliding(scans: int) -> tuple[Pattern, Scanned, Floats, Floats]:
     )
     pattern = covering(scanned, states)
     fill(pattern, scanned.with_error(ERROR), states)
-    return pattern, scanned, states, scanned.stiffness(turns=True, gain_std=0.1)
+    return pattern, scanned, states, scanned.precision(turns=True, gain_std=0.1)
 
 
-def whole_covariance(pattern: Pattern, scanned: Scanned, states: Floats, stiffness: Floats) -> Floats:
+def whole_covariance(pattern: Pattern, scanned: Scanned, states: Floats, precision: Floats) -> Floats:
     """(scans, 5, 5), of the states, by inversion of the whole problem, the mean of the poses held."""
     scans, knots = len(states), pattern.coefficients.size
-    fixed = np.isinf(stiffness)
+    fixed = np.isinf(precision)
     normal = Normal.empty(scans, scanned.places.shape[1], knots)
     assemble(pattern.surface, scanned.with_error(ERROR), states, np.where(fixed, 0.0, 1.0), 0.0, normal)
     stencil = normal.stencil + pattern.smoothing * smoothness(pattern.shape)
@@ -55,7 +55,7 @@ def whole_covariance(pattern: Pattern, scanned: Scanned, states: Floats, stiffne
         whole[knot, own] += mixed.T
     for k in range(scans):
         own = slice(k * STATE, (k + 1) * STATE)
-        whole[own, own] = normal.blocks[k] + np.diag(np.where(fixed, 1.0, stiffness) + 1e-9)
+        whole[own, own] = normal.blocks[k] + np.diag(np.where(fixed, 1.0, precision) + 1e-9)
     of_states = np.linalg.inv(whole)[: scans * STATE, : scans * STATE]
     mean = np.zeros((scans * STATE, 3))
     for part in range(3):
@@ -66,31 +66,31 @@ def whole_covariance(pattern: Pattern, scanned: Scanned, states: Floats, stiffne
 
 
 def test_it_is_what_the_whole_problem_has_beyond_a_known_map() -> None:
-    pattern, scanned, states, stiffness = sliding(12)
-    held = np.linalg.inv(information_of(pattern, scanned, states, ERROR, stiffness))
-    added = of_map(pattern, scanned, states, ERROR, stiffness)
-    whole = whole_covariance(pattern, scanned, states, stiffness)[:, :4, :4]
+    pattern, scanned, states, precision = sliding(12)
+    held = np.linalg.inv(information_of(pattern, scanned, states, ERROR, precision))
+    added = of_map(pattern, scanned, states, ERROR, precision)
+    whole = whole_covariance(pattern, scanned, states, precision)[:, :4, :4]
     assert (held + added)[:, :4, :4] == pytest.approx(whole, rel=1e-4, abs=1e-9)
     assert (np.diagonal(added, axis1=1, axis2=2)[:, :2].mean(axis=0) > 0).all()
 
 
 def test_a_turn_that_is_held_has_none() -> None:
     pattern, scanned, states, _ = sliding(6)
-    added = of_map(pattern, scanned, states, ERROR, scanned.stiffness(turns=False, gain_std=0.1))
+    added = of_map(pattern, scanned, states, ERROR, scanned.precision(turns=False, gain_std=0.1))
     assert (added[:, 2] == 0).all()
     assert (added[:, 0, 0] != 0).all()
 
 
 def test_of_very_many_scans_and_knots_the_map_is_held_known(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(map_doubt, "_MOST", 100)
-    pattern, scanned, states, stiffness = sliding(6)
-    assert not of_map(pattern, scanned, states, ERROR, stiffness).any()
+    pattern, scanned, states, precision = sliding(6)
+    assert not of_map(pattern, scanned, states, ERROR, precision).any()
 
 
 def test_poses_have_it_and_steps_between_them_do_not() -> None:
-    _, scanned, states, stiffness = sliding(12)
+    _, scanned, states, precision = sliding(12)
     solved = coarse(scanned, states, turns=True)
-    information = information_of(solved.pattern, scanned, solved.states, ERROR, stiffness)
+    information = information_of(solved.pattern, scanned, solved.states, ERROR, precision)
     poses = poses_of(solved, scanned, information, 2.0)
     error = np.tile(np.diag([0.01, 0.02, 0.03, 0.1, 0.1]) ** 2, (12, 1, 1))
     wide = poses.with_map(error, solved, scanned, 2.0)

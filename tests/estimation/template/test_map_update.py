@@ -7,7 +7,7 @@ import pytest
 
 from estimation.template.test_taxel_gains import PEAK, error, sliding
 from taxelflow.estimation.template.contact_solver import solve_contact
-from taxelflow.estimation.template.hypotheses import covering
+from taxelflow.estimation.template.map import covering
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import LocalMap

@@ -3,8 +3,7 @@
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import information_of
-from taxelflow.estimation.template.hypotheses import covering
-from taxelflow.estimation.template.map import fill
+from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.tilt import without_tilt
 
@@ -27,8 +26,8 @@ def stds(bumps: tuple[tuple[float, float, float], ...], radius: float, tilt_std:
     states[:, 3] = 1.0
     pattern = covering(scanned, states)
     fill(pattern, scanned.with_error(0.01), states)
-    stiffness = np.array([1e-6, 1e-6, np.inf, 1e-2, np.inf])
-    information = information_of(pattern, scanned, states, 0.01, stiffness)
+    precision = np.array([1e-6, 1e-6, np.inf, 1e-2, np.inf])
+    information = information_of(pattern, scanned, states, 0.01, precision)
     own = without_tilt(information, pattern, scanned, states, 0.01, tilt_std)[0]
     return np.sqrt(np.diagonal(np.linalg.inv(own))[:2])
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from taxelflow.acquire.base import Recording, in_blocks
+from taxelflow.acquire.base import Recording
+from taxelflow.acquire.blocks import in_blocks
 from taxelflow.acquire.limits import scans_per_block
 from taxelflow.acquire.metadata import joints_text_in, masked_in, sensor_in, truth_in
 from taxelflow.acquire.ros.decode import Decoder

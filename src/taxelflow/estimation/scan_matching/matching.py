@@ -121,13 +121,13 @@ def take(
 @routine
 def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Floats) -> None:
     """Fill state (5,) with the motion since the surface's scan; starts: no motion, and the centroid's."""
-    mean, stiffness = np.empty(STATE), np.empty(STATE)
+    mean, precision = np.empty(STATE), np.empty(STATE)
     put(State(0.0, 0.0, 0.0, guess.gain, 0.0), mean)
     loose_x = HELD if surface.unobservable[0] > 0.0 else FREE
     loose_y = HELD if surface.unobservable[1] > 0.0 else FREE
     loose_turn = _LOOSE_TURN if turns else HELD
-    put(State(loose_x, loose_y, loose_turn, _LOOSE_GAIN / guess.gain**2, HELD), stiffness)
-    prior, known = Prior(mean, stiffness), Known(surface.c, surface.variance, surface.lattice)
+    put(State(loose_x, loose_y, loose_turn, _LOOSE_GAIN / guess.gain**2, HELD), precision)
+    prior, known = Prior(mean, precision), Known(surface.c, surface.variance, surface.lattice)
     taxels = pack_scan(points.places, np.zeros((3, 0)), points.reading, points.variance, points.ceiling, 0.0)
     information = np.zeros((STATE, STATE))
     trial, best = np.empty(STATE), np.inf

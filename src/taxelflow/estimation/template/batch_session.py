@@ -66,23 +66,44 @@ def _information(solved: Solved, scanned: Scanned, unseen_error: float) -> tuple
     """(scans, 5, 5), of the states of a solved contact, which the sensor's errors and a tilt of the load blur; and what
     the map's own error adds to their covariance: nothing where unseen errors of the sensor outweigh it.
     """
-    stiffness = scanned.stiffness(
+    precision = scanned.precision(
         turns=solved.turns, gain_std=solved.gain_std, size=DEPTH_STD**-2 if solved.sinks else np.inf
     )
     error, level = max(solved.error, unseen_error), scanned.amplitude if solved.heights else 0.0
     whole = with_depth(solved.states, solved.depth)
-    information = information_of(solved.pattern, scanned, whole, error, stiffness, level)
+    information = information_of(solved.pattern, scanned, whole, error, precision, level)
     if unseen_error:
         blurred = without_tilt(information, solved.pattern, scanned, solved.states, error, unseen_error)
         return blurred, np.zeros_like(information)
-    return information, of_map(solved.pattern, scanned, whole, error, stiffness, level)
+    return information, of_map(solved.pattern, scanned, whole, error, precision, level)
 
 
 def _by_noise(solved: Solved, scanned: Scanned, tilt: float) -> Floats:
     """(scans, 5, 5), information of the states of a solved contact that residuals and a tilt of the load alone blur."""
-    stiffness = scanned.stiffness(turns=solved.turns, gain_std=solved.gain_std)
-    information = information_of(solved.pattern, scanned, solved.states, solved.error, stiffness, 0.0)
+    precision = scanned.precision(turns=solved.turns, gain_std=solved.gain_std)
+    information = information_of(solved.pattern, scanned, solved.states, solved.error, precision, 0.0)
     return without_tilt(information, solved.pattern, scanned, solved.states, solved.error, tilt)
+
+
+def _on_one_map(solved: Solved, scanned: Scanned, pitch_m: float, unseen_error: float, *, whole_contact: bool) -> Poses:
+    """Poses of a contact that one map explains, doubted by its map's error and by rivals of its hypothesis.
+
+    Without faults of the sensor that could mislead it, the likelihood has decided whether the object turns.
+    """
+    information, of_the_map = _information(solved, scanned, unseen_error)
+    poses = _bridged(poses_of(solved, scanned, information, pitch_m), scanned)
+    if of_the_map.any():
+        poses = poses.with_map(of_the_map, solved, scanned, pitch_m)
+    if unseen_error and whole_contact:
+        poses = poses.with_noise(_by_noise(solved, scanned, unseen_error), solved, scanned, pitch_m)
+    if unseen_error:
+        poses = poses.doubted(solved.rival, pitch_m)
+    return poses.doubted(solved.growth, pitch_m)
+
+
+def _bridged(poses: Poses, scanned: Scanned) -> Poses:
+    """Poses whose brief gaps are closed, unresolved while the contact forms and while it ends."""
+    return bridged(formed(poses, scanned.load().sum(axis=1)), scanned.t_s)
 
 
 class BatchSession:
@@ -150,44 +171,17 @@ class BatchSession:
         scans = cut(self._all(), contact.start - self._first, stop - self._first)
         pitch_m = float(self._pitch_m[pad])
         scanned = self._scanned(pad, scans, contact)
-        readings = scanned.readings
+        readings, variance = scanned.readings, scanned.variance.copy()
         with on_one_core():  # the matrices are too small to share among cores
-            whole = scanned.variance.copy()
             # Where a sensor's faults may be anything, they look like a depth: it is then no better a model.
             solved = solve_contact(scanned, sinks=not layout.unseen_error)
             solved.turns &= solved.shown
-            information, of_the_map = _information(solved, scanned, layout.unseen_error)
-            shown = as_pressure(solved.pattern) if solved.heights else solved.pattern
-            moment = Moment(shown, scanned, solved.states, np.arange(len(scanned)), solved.turns)
-            poses, rival = poses_of(solved, scanned, information, pitch_m), solved.rival
-            growth = solved.growth
-            if not layout.unseen_error:  # no fault of the sensor misled the likelihood: it has decided
-                rival = rival[:0]
-            of_one_map = solved.error <= CHANGES or len(scanned) <= MEMORY
-            if not of_one_map:
-                poses, moment = follow_changing(scanned, pitch_m, turns=solved.turns)
-                rival, growth, of_the_map = rival[:0], growth[:0], np.zeros_like(of_the_map)
-            poses = bridged(formed(poses, scanned.load().sum(axis=1)), scanned.t_s)
-            if of_the_map.any():
-                poses = poses.with_map(of_the_map, solved, scanned, pitch_m)
-            whole_contact = pad < layout.pad_count or layout.contact_of[pad] >= 0  # load leaves a part of one
-            if of_one_map and layout.unseen_error and whole_contact:
-                poses = poses.with_noise(_by_noise(solved, scanned, layout.unseen_error), solved, scanned, pitch_m)
-            poses = poses.doubted(rival, pitch_m).doubted(growth, pitch_m)
-            poses = poses.open_across(scanned, pitch_m)
-            if layout.unseen_error:
-                edge: Bools = np.asarray(layout.border[own].any(axis=1), dtype=np.bool_)
-                as_read = replace(scanned, readings=readings)
-                poses = witnessed(poses, as_read, edge, pitch_m, layout.unseen_error, solved if of_one_map else None)
-                if of_one_map:
-                    # The centre of pressure follows a load that shifts: it is no witness of rest.
-                    poses = poses.open_along(solved.hidden, scanned, pitch_m).doubted(
-                        apart_from_rest(scanned, solved), pitch_m
-                    )
-        is_saturated = ((readings >= scans.ceiling[own]) | (whole == 0)).all(axis=1)
+            poses, moment = self._poses(pad, solved, scanned, readings)
+        is_saturated = ((readings >= scans.ceiling[own]) | (variance == 0)).all(axis=1)
         poses.quality[is_saturated & (poses.quality == OK)] = AMBIGUOUS  # no reading bounds the place
-        if len(solved.dead):
-            self._dead.setdefault(layout.pads[pad], set()).update(layout.source[own][solved.dead].tolist())
+        dead = layout.source[own][solved.dead]
+        if len(dead):
+            self._dead.setdefault(layout.pads[pad], set()).update(dead.tolist())
         known = 0
         if contact.before is not None:
             known = len(contact.before)
@@ -202,11 +196,35 @@ class BatchSession:
                 error=solved.error,
                 pitch_m=pitch_m,
                 turns=moment.turns,
-                dead=layout.source[own][solved.dead],
+                dead=dead,
             )
         )
         self._done.append(_Done(pad, contact.start, known, poses, scans.t_s))
         return poses
+
+    def _poses(self, pad: int, solved: Solved, scanned: Scanned, readings: Floats) -> tuple[Poses, Moment]:
+        """Poses of a solved contact on its map, or by odometry where no one map explains its scans, with all that is
+        uncertain about them; and the map at some moment. readings: (scans, taxels), before gains divided them.
+        """
+        layout, pitch_m, unseen_error = self._layout, float(self._pitch_m[pad]), self._layout.unseen_error
+        of_one_map = solved.error <= CHANGES or len(scanned) <= MEMORY
+        if of_one_map:
+            whole_contact = pad < layout.pad_count or layout.contact_of[pad] >= 0  # load leaves a part of one
+            poses = _on_one_map(solved, scanned, pitch_m, unseen_error, whole_contact=whole_contact)
+            shown = as_pressure(solved.pattern) if solved.heights else solved.pattern
+            moment = Moment(shown, scanned, solved.states, np.arange(len(scanned)), solved.turns)
+        else:
+            poses, moment = follow_changing(scanned, pitch_m, turns=solved.turns)
+            poses = _bridged(poses, scanned)
+        poses = poses.open_across(scanned, pitch_m)
+        if unseen_error:
+            edge: Bools = np.asarray(layout.border[layout.of_pad(pad)].any(axis=1), dtype=np.bool_)
+            as_read = replace(scanned, readings=readings)
+            poses = witnessed(poses, as_read, edge, pitch_m, unseen_error, solved if of_one_map else None)
+        if unseen_error and of_one_map:  # the centre of pressure follows a load that shifts: it is no witness of rest
+            poses = poses.open_along(solved.hidden, scanned, pitch_m)
+            poses = poses.doubted(apart_from_rest(scanned, solved), pitch_m)
+        return poses, moment
 
     def _scanned(self, pad: int, scans: Scans, contact: _Open) -> Scanned:
         """A pad's part of the scans of a contact."""

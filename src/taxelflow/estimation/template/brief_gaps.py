@@ -14,6 +14,7 @@ import numpy as np
 from taxelflow.estimation.template.pose_output import Poses
 from taxelflow.messages import OK, UNRESOLVED
 from taxelflow.numerics.robust import OUTLIER
+from taxelflow.numerics.spans import spans
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
@@ -85,8 +86,7 @@ def _information_form(pose: Floats, covariance: Floats) -> tuple[Floats, Floats]
 
 def _in_short_runs(unknown: Bools) -> Bools:
     """(scans,), which of the unknown scans lie in runs of at most `_BRIEF`."""
-    edges = np.flatnonzero(np.diff(unknown.astype(np.int8), prepend=0, append=0))
     brief = np.zeros_like(unknown)
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in spans(unknown):
         brief[start:stop] = stop - start <= _BRIEF
     return brief

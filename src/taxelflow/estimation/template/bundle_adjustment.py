@@ -118,11 +118,11 @@ class _Linear:
         add_diagonal(stencil, pattern.prior)
         right -= pattern.smoothing * self.bent + pattern.prior * pattern.coefficients.ravel()
 
-    def add_prior(self, stiffness: Floats) -> None:
+    def add_prior(self, precision: Floats) -> None:
         """Add the prior of the states, see `refine`, to their information; that of a fixed component becomes 1."""
         blocks, diagonal = self.normal.blocks, np.arange(STATE)
         strong = blocks[:, diagonal, diagonal].max(axis=1, keepdims=True)
-        prior = np.where(np.isinf(stiffness), 1.0, stiffness)
+        prior = np.where(np.isinf(precision), 1.0, precision)
         blocks[:, diagonal, diagonal] += prior + LEAST_INFORMATION + _RIDGE * strong
 
     def determined(self, factor: Factor) -> float:
@@ -168,17 +168,17 @@ def refine(
     *,
     rounds: int,
     error: float,
-    stiffness: Floats,
+    precision: Floats,
     level: float = 0.0,
 ) -> Fit:
     """Improve the pattern and the states (scans, 5), in place; the pattern's smoothing is learned on the way.
 
-    error: see `Scanned.with_error`. stiffness: (5,) 1 / variance of each state around 0, of a place around the
+    error: see `Scanned.with_error`. precision: (5,) 1 / variance of each state around 0, of a place around the
     pad's middle, of the gain around 1; infinite where a state is not to move. level: see `assemble`.
     The object's frame, which nothing determines, is that in which the mean of the poses stays.
     """
-    fixed = np.isinf(stiffness)
-    usual, pull = np.array([*scanned.middle, 0.0, 1.0, 0.0]), np.where(fixed, 0.0, stiffness)
+    fixed = np.isinf(precision)
+    usual, pull = np.array([*scanned.middle, 0.0, 1.0, 0.0]), np.where(fixed, 0.0, precision)
     linear = _Linear(pattern, scanned.with_error(error), fixed, level)
     normal = linear.normal
     best, damping = _Best(np.inf, states, pattern.coefficients, pattern.smoothing), 0.0
@@ -197,7 +197,7 @@ def refine(
         linear.regularise()
         normal.gradient[:] -= pull * (states - usual)
         normal.gradient[:, fixed] = 0.0
-        linear.add_prior(stiffness)
+        linear.add_prior(precision)
         factor = Factor(normal.stencil, pattern.shape[1])
         if round_ == rounds:
             break
@@ -226,13 +226,13 @@ def refine(
 
 
 def information_of(
-    pattern: Pattern, scanned: Scanned, states: Floats, error: float, stiffness: Floats, level: float = 0.0
+    pattern: Pattern, scanned: Scanned, states: Floats, error: float, precision: Floats, level: float = 0.0
 ) -> Floats:
     """(scans, 5, 5), information of scans on their states, the pattern held. Arguments as for `refine`."""
-    fixed = np.isinf(stiffness)
+    fixed = np.isinf(precision)
     linear = _Linear(pattern, scanned.with_error(error), fixed, level)
     linear.update(states)
-    linear.add_prior(stiffness)
+    linear.add_prior(precision)
     return linear.normal.blocks
 
 

@@ -178,9 +178,7 @@ def anchor_of(solved: Solved, scanned: Scanned, tilt: float, before: Anchor | No
     return Anchor(centres.arm(solved.states, trust), float(variance), inside, scanned.t_s, off)
 
 
-def witnessed(
-    poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt: float, solved: Solved | None = None
-) -> Poses:
+def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt: float, solved: Solved | None) -> Poses:
     """Poses combined with the centre of pressure of each scan.
 
     edge, tilt: see `Centres`. solved: the contact whose poses they are; None if it has no single map. The centre

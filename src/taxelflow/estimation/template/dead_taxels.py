@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import OUT
-from taxelflow.numerics.bspline import STATE, evaluate, state_of
+from taxelflow.numerics.bspline import state_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -97,12 +97,10 @@ def explained(scanned: Scanned, variance: Floats, solved: Solved, taxels: list[i
     leaves of others: at the side of a gap a smooth pattern predicts a little where there is nothing. Not on a sensor
     with unseen errors, which are most of what is left there: they would hide dead taxels.
     """
-    pattern = solved.pattern
     model = np.empty((len(scanned), len(taxels)))
-    values = np.empty((scanned.places.shape[1], STATE))
     for k, state in enumerate(solved.states):
-        evaluate(pattern.coefficients, pattern.lattice, scanned.places, state, scanned.bends[k], values)
-        model[k] = state_of(state).gain * np.maximum(np.nan_to_num(values[taxels, 0]), 0.0)
+        pressure = solved.pattern.read(scanned.places, state, scanned.bends[k])[taxels, 0]
+        model[k] = state_of(state).gain * np.maximum(np.nan_to_num(pressure), 0.0)
     model[variance == 0] = 0.0
     power, read = (model**2).sum(axis=0), (model * scanned.readings[:, taxels]).sum(axis=0)
     error = 0.0 if scanned.unseen_error else solved.error * scanned.amplitude

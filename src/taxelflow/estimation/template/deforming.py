@@ -124,5 +124,5 @@ def _chain(scanned: Scanned) -> tuple[Floats, Floats, Floats, float]:
 
 
 def _mapper(scanned: Scanned) -> IncrementalMapper:
-    stiffness = scanned.stiffness(turns=True, gain_std=FIRST_GAIN_STD)
-    return IncrementalMapper(scanned, 0, stiffness)
+    precision = scanned.precision(turns=True, gain_std=FIRST_GAIN_STD)
+    return IncrementalMapper(scanned, 0, precision)

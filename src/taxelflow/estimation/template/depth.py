@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 DEPTH_STD = 0.1
 """Prior standard deviation of the depth, as a share of the contact's largest reading."""
-_HALF = 0.5
+HALF_TAXEL = 0.5
 """Half the side of a taxel, in pitches."""
 _LEVEL = 0.004
 """Rise over half a taxel, as a share of the largest reading, below which the height is level along an axis."""
@@ -63,8 +63,8 @@ def touch(height: float, slope_x: float, slope_y: float, level: float) -> Touch:
     largest reading.
     """
     least = _LEVEL * level
-    flat_x, flat_y = _HALF * abs(slope_x) < least, _HALF * abs(slope_y) < least
-    x, y = max(_HALF * abs(slope_x), least), max(_HALF * abs(slope_y), least)
+    flat_x, flat_y = HALF_TAXEL * abs(slope_x) < least, HALF_TAXEL * abs(slope_y) < least
+    x, y = max(HALF_TAXEL * abs(slope_x), least), max(HALF_TAXEL * abs(slope_y), least)
     if height >= x + y:
         return Touch(height, 1.0, 0.0, 0.0)
     if height <= -x - y:
@@ -76,7 +76,7 @@ def touch(height: float, slope_x: float, slope_y: float, level: float) -> Touch:
     share = 3.0 * unit * (a * a - b * b - c * c + d * d)
     by_x = 0.0 if flat_x else 3.0 * unit * (a * a - b * b + c * c - d * d) - mean / x
     by_y = 0.0 if flat_y else 3.0 * unit * (a * a + b * b - c * c - d * d) - mean / y
-    return Touch(mean, share, _HALF * by_x * np.sign(slope_x), _HALF * by_y * np.sign(slope_y))
+    return Touch(mean, share, HALF_TAXEL * by_x * np.sign(slope_x), HALF_TAXEL * by_y * np.sign(slope_y))
 
 
 @routine

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import refine
-from taxelflow.estimation.template.hypotheses import coarse, covering, refined
+from taxelflow.estimation.template.hypotheses import coarse, refined
 from taxelflow.estimation.template.likelihood import learned_error
-from taxelflow.estimation.template.map import fill
+from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.scaling import SIZE_STD
-from taxelflow.numerics.bspline import STATE, evaluate, states_of
+from taxelflow.numerics.bspline import STATE, states_of
 from taxelflow.numerics.centroid import pressure_centre
 from taxelflow.numerics.cut import HIDDEN, find_hidden, open_sides
 from taxelflow.runtime.compiling import kernel
@@ -127,9 +127,8 @@ def _texture(scanned: Scanned, solved: Solved) -> tuple[Floats, float]:
 
 def _evaluated(scanned: Scanned, solved: Solved) -> tuple[Floats, Floats]:
     """The map where each scan reads it, (scans, taxels), and its slopes (scans, taxels, 2); 0 where it does not."""
-    values, one = np.empty((*scanned.readings.shape, 5)), solved.pattern
-    for k in range(len(scanned)):
-        evaluate(one.coefficients, one.lattice, scanned.places, solved.states[k], scanned.bends[k], values[k])
+    parts = zip(solved.states, scanned.bends, strict=True)
+    values = np.stack([solved.pattern.read(scanned.places, state, bend) for state, bend in parts])
     values[(scanned.variance == 0) | np.isnan(values[:, :, 0])] = 0.0
     return np.maximum(values[:, :, 0], 0.0), values[:, :, 1:3]
 
@@ -214,13 +213,13 @@ def _left_along(
     states_of(states).x[:] = at
     pattern = covering(along, states)
     fill(pattern, along.with_error(error), states)
-    stiffness = along.stiffness(turns=solved.turns, gain_std=solved.gain_std, size=SIZE_STD**-2)
-    stiffness[0] = np.inf
+    precision = along.precision(turns=solved.turns, gain_std=solved.gain_std, size=SIZE_STD**-2)
+    precision[0] = np.inf
     off, gains = min(_GAIN * scanned.unseen_error, _MOST_GAIN), np.ones(scanned.readings.shape[1])
     now = along
     for k, rounds in enumerate(_ROUNDS):
         before = error
-        fit = refine(pattern, now, states, rounds=rounds, error=error, stiffness=stiffness)
+        fit = refine(pattern, now, states, rounds=rounds, error=error, precision=precision)
         error = learned_error(fit, now)
         if error <= most or (k == 0 and error - off * _rms(along) > most > 0.0):
             break

@@ -12,7 +12,7 @@ from taxelflow.estimation.template.bundle_adjustment import Fit, refine
 from taxelflow.estimation.template.depth import DEPTH_STD, as_heights, take_depth, with_depth
 from taxelflow.estimation.template.initialization import IncrementalMapper
 from taxelflow.estimation.template.likelihood import cost, learned_error
-from taxelflow.estimation.template.map import Pattern, fill
+from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.rivals import agreement, apart_by_growth, apart_by_turn, reported
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
@@ -27,7 +27,7 @@ from taxelflow.estimation.template.turning import (
     turns_steadily,
     turns_surely,
 )
-from taxelflow.numerics.bspline import in_object, states_of
+from taxelflow.numerics.bspline import states_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
@@ -168,7 +168,7 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
 
 def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
     """Coarse fits from several starts: states tracked from scan to scan, and with the centroid."""
-    mapper = IncrementalMapper(scanned, start_scan(scanned), scanned.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
+    mapper = IncrementalMapper(scanned, start_scan(scanned), scanned.precision(turns=turns, gain_std=FIRST_GAIN_STD))
     mapper.register_all()
     starts = (mapper.states, centred(scanned, mapper.states))
     return [coarse(scanned, states, turns=turns) for states in starts]
@@ -204,15 +204,9 @@ def coarse(scanned: Scanned, states: Floats, *, turns: bool, rounds: int = _FIRS
     scanned.bend(states)
     pattern = covering(scanned, states)
     fill(pattern, scanned.with_error(COARSE), states)
-    stiffness = scanned.stiffness(turns=turns, gain_std=FIRST_GAIN_STD)
-    fit = refine(pattern, scanned, states, rounds=rounds, error=COARSE, stiffness=stiffness)
+    precision = scanned.precision(turns=turns, gain_std=FIRST_GAIN_STD)
+    fit = refine(pattern, scanned, states, rounds=rounds, error=COARSE, precision=precision)
     return Solved(pattern, states, fit, learned_error(fit, scanned), FIRST_GAIN_STD, turns)
-
-
-def covering(scanned: Scanned, states: Floats) -> Pattern:
-    """A pattern of zeros over all that the scans load at states (scans, 5)."""
-    reached = [in_object(scanned.places[:, own].T, state) for own, state in zip(scanned.loaded(), states, strict=True)]
-    return Pattern.covering(np.concatenate(reached), scanned.amplitude)
 
 
 def refined(scanned: Scanned, start: Solved) -> Solved:
@@ -238,9 +232,9 @@ def _by_its_error(scanned: Scanned, solved: Solved) -> Solved:
 def _fit(scanned: Scanned, start: Solved, *, rounds: int, error: float) -> Fit:
     """`refine` under the hypothesis of a start, which it improves in place."""
     size = SIZE_STD**-2 if start.grows else DEPTH_STD**-2 if start.sinks else np.inf
-    stiffness = scanned.stiffness(turns=start.turns, gain_std=start.gain_std, size=size)
+    precision = scanned.precision(turns=start.turns, gain_std=start.gain_std, size=size)
     largest, whole = scanned.amplitude if start.heights else 0.0, with_depth(start.states, start.depth)
-    fit = refine(start.pattern, scanned, whole, rounds=rounds, error=error, stiffness=stiffness, level=largest)
+    fit = refine(start.pattern, scanned, whole, rounds=rounds, error=error, precision=precision, level=largest)
     take_depth(whole, start.states, start.depth)
     return fit
 

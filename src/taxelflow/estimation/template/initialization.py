@@ -45,9 +45,9 @@ _SCHEDULE = _Schedule()
 class IncrementalMapper:
     """Incremental estimate of the poses of a contact's scans, and of its pattern."""
 
-    def __init__(self, scanned: Scanned, start: int, stiffness: Floats) -> None:
-        """stiffness: (5,) of each state, as for `refine`, and from scan to scan; infinite where it is fixed."""
-        self.scanned, self.start, self.stiffness = scanned, start, stiffness
+    def __init__(self, scanned: Scanned, start: int, precision: Floats) -> None:
+        """precision: (5,) of each state, as for `refine`, and from scan to scan; infinite where it is fixed."""
+        self.scanned, self.start, self.precision = scanned, start, precision
         self._readings = scanned.with_error(COARSE)
         self._error = COARSE * scanned.amplitude
         self._loaded, self._centroid = scanned.loaded(), scanned.centroids()
@@ -90,7 +90,7 @@ class IncrementalMapper:
         states, part = self.states[which], self.scanned.taken(which)
         part.bend(states)
         self.scanned.bends[which] = part.bends
-        refine(self.pattern, part, states, rounds=_SCHEDULE.refine_rounds, error=COARSE, stiffness=self.stiffness)
+        refine(self.pattern, part, states, rounds=_SCHEDULE.refine_rounds, error=COARSE, precision=self.precision)
         self.states[which] = states
         self._sum_up()
 
@@ -108,9 +108,9 @@ class IncrementalMapper:
         forward = 1 if k > self.start else -1
         scanned, last = self.scanned, self.states[k - forward]
         starts = np.stack(self._starts(k, forward))
-        if np.isinf(state_of(self.stiffness).theta):
+        if np.isinf(state_of(self.precision).theta):
             states_of(starts).theta[:] = 0.0
-        prior = Prior(last.copy(), np.minimum(self.stiffness, HELD))
+        prior = Prior(last.copy(), np.minimum(self.precision, HELD))
         taxels = pack_scan(
             scanned.places, scanned.bends[k], scanned.readings[k], scanned.variance[k], scanned.ceiling, self._error
         )

@@ -34,7 +34,7 @@ class Prior(NamedTuple):
     """Prior of a state: mean (5,), and information (5,), 1 / variance; a component with `HELD` or more is fixed."""
 
     mean: Floats
-    stiffness: Floats
+    precision: Floats
 
 
 @kernel
@@ -124,7 +124,7 @@ def copy_lower(one: Floats, other: Floats) -> None:
 def _hold(prior: Prior, state: Floats) -> None:
     """Put what is held where it stays."""
     for part in MAY_BE_HELD:
-        if prior.stiffness[part] >= HELD:
+        if prior.precision[part] >= HELD:
             state[part] = prior.mean[part]
 
 
@@ -132,14 +132,14 @@ def _hold(prior: Prior, state: Floats) -> None:
 def _add_prior(prior: Prior, state: Floats, normal: Floats, right: Floats) -> float:
     """Add the prior to the normal equations, from which what is held drops out; its cost."""
     for part in MAY_BE_HELD:
-        if prior.stiffness[part] >= HELD:
+        if prior.precision[part] >= HELD:
             right[part] = 0.0
             for a in range(STATE):
                 normal[max(a, part), min(a, part)] = 0.0
     cost = 0.0
     for a in range(STATE):
         off = state[a] - prior.mean[a]
-        cost += prior.stiffness[a] * off * off
-        right[a] -= prior.stiffness[a] * off
-        normal[a, a] += prior.stiffness[a]
+        cost += prior.precision[a] * off * off
+        right[a] -= prior.precision[a] * off
+        normal[a, a] += prior.precision[a]
     return cost

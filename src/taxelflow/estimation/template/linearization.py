@@ -12,7 +12,7 @@ import numpy as np
 
 from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
-from taxelflow.numerics.bspline import STATE, State, put, state_of, value_at
+from taxelflow.numerics.bspline import STATE, State, by_state, put, state_of, value_at
 from taxelflow.numerics.robust import OUTLIER
 from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.small_linalg import put_lower
@@ -161,7 +161,7 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
         used += 1.0 if fits or unexplained else 0.0
         weight = (weight * huber / z if far else weight) if fits else 0.0
         q, qu, qw = q if fits else 0.0, gain * qu if fits else 0.0, gain * qw if fits else 0.0
-        jx, jy, jt, js = qw * sin - qu * cos, -qw * cos - qu * sin, qu * w - qw * u, -qu * u - qw * w
+        jx, jy, jt, js = by_state(u, w, qu, qw, cos, sin)
         wx, wy, wt, wg, ws, wr = weight * jx, weight * jy, weight * jt, weight * q, weight * js, weight * residual
         xx += wx * jx
         xy += wx * jy

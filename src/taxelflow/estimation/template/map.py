@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from taxelflow.estimation.template.observations import Readings
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import WIDTH, Factor, add_diagonal, add_square, smoothness
-from taxelflow.numerics.bspline import KNOTS, evaluate, knot_of, spread, state_of
+from taxelflow.numerics.bspline import KNOTS, STATE, evaluate, in_object, knot_of, spread, state_of
 from taxelflow.runtime.compiling import long_kernel
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.template.observations import Scanned
 
 SPACING = 0.5
 """Distance of the knots, in pitches."""
@@ -93,6 +96,12 @@ class Pattern:
         size = np.array([self.shape[1], self.shape[0]])
         return corner + h, corner + (size - 3) * h
 
+    def read(self, places: Floats, state: Floats, bend: Floats) -> Floats:
+        """(taxels, 5), the pattern and its slopes at places (2, taxels) on the pad; see `bspline.evaluate`."""
+        values = np.empty((places.shape[1], STATE))
+        evaluate(self.coefficients, self.lattice, places, state, bend, values)
+        return values
+
     def centre(self) -> Floats:
         """(2,) where the pattern's pressure is centred."""
         c = np.maximum(self.coefficients, 0.0)
@@ -107,6 +116,12 @@ class Pattern:
         centre, total = self.centre(), c.sum() or 1.0
         square = (c.sum(axis=0) @ (x - centre[0]) ** 2 + c.sum(axis=1) @ (y - centre[1]) ** 2) / total
         return float(np.sqrt(max(square, 0.25)))
+
+
+def covering(scanned: Scanned, states: Floats) -> Pattern:
+    """A pattern of zeros over all that the scans load at states (scans, 5)."""
+    reached = [in_object(scanned.places[:, own].T, state) for own, state in zip(scanned.loaded(), states, strict=True)]
+    return Pattern.covering(np.concatenate(reached), scanned.amplitude)
 
 
 class MapInformation:

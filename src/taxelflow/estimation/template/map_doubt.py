@@ -30,19 +30,19 @@ _MOST = 2_000_000
 
 
 def of_map(
-    pattern: Pattern, scanned: Scanned, states: Floats, error: float, stiffness: Floats, level: float = 0.0
+    pattern: Pattern, scanned: Scanned, states: Floats, error: float, precision: Floats, level: float = 0.0
 ) -> Floats:
     """(scans, 5, 5), the part of the states' covariance by the error of the map. Arguments as for `refine`."""
     scans, knots = len(states), pattern.coefficients.size
     if scans * knots > _MOST:
         return np.zeros((scans, STATE, STATE))
-    fixed = np.isinf(stiffness)
+    fixed = np.isinf(precision)
     readings = scanned.with_error(error)
     normal = Normal.empty(scans, len(scanned.delay_s), knots)
     assemble(pattern.surface, readings, states, np.where(fixed, 0.0, 1.0), level, normal)
     normal.stencil[:] += pattern.smoothing * smoothness(pattern.shape)
     add_diagonal(normal.stencil, pattern.prior)
-    pull = np.diag(np.where(fixed, 1.0, stiffness) + LEAST_INFORMATION)
+    pull = np.diag(np.where(fixed, 1.0, precision) + LEAST_INFORMATION)
     held = np.asarray(np.linalg.inv(normal.blocks + pull), np.float64)
     held[:, fixed] = held[:, :, fixed] = 0.0
     crossed = _crossed(normal, pattern.shape[1])

@@ -14,7 +14,8 @@ from taxelflow.estimation.template.extrapolation import coverage, near
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.messages import LearnedPattern
 from taxelflow.numerics.blas import on_one_core
-from taxelflow.numerics.bspline import STATE, evaluate, state_of
+from taxelflow.numerics.bspline import STATE, state_of
+from taxelflow.numerics.geometry import rotation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -105,7 +106,7 @@ def mapped(
     pose: (3,) of the last state, in the frame asked for. std: with the poses held.
     """
     last, theta = states[-1], float(np.nan_to_num(pose[2]))
-    turn, back = _rotation(state_of(last).theta - theta), _rotation(-theta)
+    turn, back = rotation(state_of(last).theta - theta), rotation(-theta)
     shift = back @ (last[:2] - pose[:2])
     looked = coverage(scanned, states) @ turn.T + shift
     low, high = pattern.box
@@ -115,8 +116,9 @@ def mapped(
     step = max(1.0 / _LIMITS.finer, float(np.sqrt(np.prod(high - low) / _LIMITS.most_points)))
     x, y = (np.arange(a, b, step) for a, b in zip(low, high, strict=True))
     places = (np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) - shift) @ turn
-    pressure = _values(pattern, pattern.coefficients, places).reshape(len(y), len(x))
-    variance = _values(pattern, _variance_at_knots(pattern, scanned, states, error), places).reshape(pressure.shape)
+    pressure = _values(pattern, places).reshape(len(y), len(x))
+    spread = replace(pattern, coefficients=_variance_at_knots(pattern, scanned, states, error))
+    variance = _values(spread, places).reshape(pressure.shape)
     unseen = ~near(looked, x, y, _LIMITS.half_diagonal)
     pressure[unseen] = np.nan
     known = np.isfinite(pressure)
@@ -126,17 +128,9 @@ def mapped(
     return x[inside[1]], y[inside[0]], pressure[inside], std[inside]
 
 
-def _rotation(angle: float) -> Floats:
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.array([[cos, -sin], [sin, cos]])
-
-
-def _values(pattern: Pattern, coefficients: Floats, places: Floats) -> Floats:
+def _values(pattern: Pattern, places: Floats) -> Floats:
     """(n,), the spline at places (n, 2) of its own frame; NaN off the lattice."""
-    values = np.empty((len(places), 5))
-    here = np.ascontiguousarray(places.T)
-    evaluate(coefficients, pattern.lattice, here, np.zeros(STATE), np.zeros((3, 0)), values)
-    return values[:, 0]
+    return pattern.read(np.ascontiguousarray(places.T), np.zeros(STATE), np.zeros((3, 0)))[:, 0]
 
 
 def _variance_at_knots(pattern: Pattern, scanned: Scanned, states: Floats, error: float) -> Floats:

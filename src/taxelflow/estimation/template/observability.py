@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
-from taxelflow.numerics.bspline import evaluate, state_of
+from taxelflow.numerics.bspline import state_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
@@ -36,7 +37,8 @@ def observability(
     drawn from the posterior covariance, whose inverse `factor` factors. 0 across a line of taxels, and for its angle:
     see `scanned.across`.
     """
-    base = _values(pattern, pattern.coefficients, scanned, states, scan)
+    here = scanned.places, states[scan], scanned.bends[scan]
+    base = pattern.read(*here)
     known = np.isfinite(base[:, 0]) & (scanned.variance[scan] > 0)
     gain = state_of(states[scan]).gain
     w = 1.0 / (scanned.variance[scan, known] + (error * scanned.amplitude) ** 2)
@@ -54,15 +56,8 @@ def observability(
     for _ in range(_DRAWS):
         white = random.standard_normal((pattern.coefficients.size, 1))
         drawn, _ = dtbtrs(factor.lower, white, uplo="L", trans="T")
-        values = gain * _values(pattern, drawn.reshape(pattern.shape), scanned, states, scan)[known, 1:4]
+        values = gain * replace(pattern, coefficients=drawn.reshape(pattern.shape)).read(*here)[known, 1:4]
         pretended += [information(values[:, of], of) / _DRAWS for of in range(3)]
     real = np.array([information(slopes[:, of], of) for of in range(3)])
     unobservable = scanned.across
     return Observability(*np.where([*unobservable, unobservable.any()], 0.0, real / np.maximum(pretended, 1e-300)))
-
-
-def _values(pattern: Pattern, coefficients: Floats, scanned: Scanned, states: Floats, scan: int) -> Floats:
-    """(taxels, 5): see `bspline.evaluate`."""
-    values = np.empty((scanned.places.shape[1], 5))
-    evaluate(coefficients, pattern.lattice, scanned.places, states[scan], scanned.bends[scan], values)
-    return values

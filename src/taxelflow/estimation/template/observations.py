@@ -165,7 +165,7 @@ class Scanned:
         centre: Floats = 0.5 * (self.places.min(axis=1) + self.places.max(axis=1))
         return centre
 
-    def stiffness(self, *, turns: bool, gain_std: float, size: float = np.inf) -> Floats:
+    def precision(self, *, turns: bool, gain_std: float, size: float = np.inf) -> Floats:
         """(5,) 1 / variance of each state, infinite where it is held: what these taxels do not measure, a turn
         unless it `turns`, and its size unless that is given. That of x and y is around the pad's middle.
         """

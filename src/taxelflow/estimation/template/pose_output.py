@@ -10,6 +10,7 @@ import numpy as np
 from taxelflow.estimation.template.likelihood import misfit
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 from taxelflow.numerics.bspline import STATE, states_of
+from taxelflow.numerics.geometry import rotation
 from taxelflow.numerics.robust import GATE
 from taxelflow.numerics.rounding import BLURRED
 
@@ -171,13 +172,11 @@ def aligned(poses: Poses, before: Poses) -> Poses:
     shared = len(before)
     turn = before.pose[:, 2] - poses.pose[:shared, 2]
     offset = float(np.mean(turn)) if np.isfinite(turn).all() else 0.0
-    angle = np.nan_to_num(poses.pose[:, 2])
-    cos, sin = np.cos(angle), np.sin(angle)
-    rotation = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)
+    turns = rotation(np.nan_to_num(poses.pose[:, 2]))
     gap = before.pose[:, :2] - poses.pose[:shared, :2]
     known = np.isfinite(gap).all(axis=1)
-    body = np.einsum("kji,kj->ki", rotation[:shared][known], gap[known]).mean(axis=0) if known.any() else np.zeros(2)
+    body = np.einsum("kji,kj->ki", turns[:shared][known], gap[known]).mean(axis=0) if known.any() else np.zeros(2)
     pose = poses.pose.copy()
-    pose[:, :2] += rotation @ body
+    pose[:, :2] += turns @ body
     pose[:, 2] += offset
     return replace(poses, pose=pose)

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.hypotheses import covering
-from taxelflow.estimation.template.map import fill
+from taxelflow.estimation.template.depth import HALF_TAXEL
+from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.rivals import reported
 from taxelflow.numerics.bspline import STATE, evaluate, in_object, state_of
 
@@ -34,8 +34,6 @@ _FEWEST = 4
 """Scans of which some are near the middle, and others are not."""
 _PARTS = 4
 """One part in this many of the scans is nearest to the middle; one is furthest from it."""
-_HALF = 0.5
-"""Pitches to which a taxel reads around its centre."""
 
 
 def apart_from_rest(scanned: Scanned, solved: Solved) -> Floats:
@@ -80,7 +78,7 @@ def _on_pad(scanned: Scanned, state: Floats, before: Floats) -> Bools:
     body, turn = in_object(scanned.places.T, state), state_of(before).theta
     cos, sin = np.cos(turn), np.sin(turn)
     was = body @ np.array([[cos, sin], [-sin, cos]]) * np.exp(state_of(before).size) + before[:2]
-    low, high = scanned.places.min(axis=1) - _HALF, scanned.places.max(axis=1) + _HALF
+    low, high = scanned.places.min(axis=1) - HALF_TAXEL, scanned.places.max(axis=1) + HALF_TAXEL
     on_pad: Bools = ((was >= low) & (was <= high)).all(axis=1)
     return on_pad
 

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import refine
-from taxelflow.estimation.template.map import Pattern, fill
+from taxelflow.estimation.template.map import Pattern, covering, fill
 from taxelflow.estimation.template.observations import COARSE
-from taxelflow.numerics.bspline import STATE, in_object, states_of
+from taxelflow.numerics.bspline import STATE, states_of
+from taxelflow.numerics.geometry import rotation
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.bundle_adjustment import Fit
@@ -74,11 +75,10 @@ def _grown_around(scanned: Scanned, place: Floats, start: int) -> tuple[Pattern,
     held[:, :2] = place
     parts = states_of(held)
     parts.gain[:], parts.size[:] = share**_POWER, _POWER * np.log(share)
-    places = [in_object(scanned.places[:, own].T, at) for own, at in zip(scanned.loaded(), held, strict=True)]
-    pattern = Pattern.covering(np.concatenate(places), scanned.amplitude)
+    pattern = covering(scanned, held)
     fill(pattern, scanned.with_error(COARSE), held)
-    stiffness = np.array([np.inf, np.inf, np.inf, _GAIN_STD**-2, SIZE_STD**-2])
-    fit = refine(pattern, scanned, held, rounds=_ROUNDS, error=COARSE, stiffness=stiffness)
+    precision = np.array([np.inf, np.inf, np.inf, _GAIN_STD**-2, SIZE_STD**-2])
+    fit = refine(pattern, scanned, held, rounds=_ROUNDS, error=COARSE, precision=precision)
     return pattern, held, fit
 
 
@@ -103,9 +103,7 @@ def centre(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
     Motion that is linear in time is sliding; motion that follows the load up and down is growth.
     """
     parts = states_of(states)
-    scale, theta = np.exp(parts.size), parts.theta
-    cos, sin = scale * np.cos(theta), scale * np.sin(theta)
-    arms = np.stack([np.stack([cos, -sin], axis=1), np.stack([sin, cos], axis=1)], axis=1)  # (scans, 2, 2)
+    arms = np.exp(parts.size)[:, np.newaxis, np.newaxis] * rotation(parts.theta)
     since = (scanned.t_s - scanned.t_s.mean())[:, np.newaxis, np.newaxis] * np.eye(2)
     apart = np.concatenate([arms - arms.mean(axis=0), since], axis=2).reshape(-1, 4)
     away = (states[:, :2] - states[:, :2].mean(axis=0)).ravel()

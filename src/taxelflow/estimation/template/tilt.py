@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.numerics.bspline import STATE, evaluate, state_of
+from taxelflow.numerics.bspline import state_of
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
@@ -44,10 +44,10 @@ def without_tilt(
     if tilt_std <= 0.0:
         return information
     readings = scanned.with_error(error)
-    own, values = information.copy(), np.empty((scanned.places.shape[1], STATE))
+    own = information.copy()
     prior = np.eye(2) / tilt_std**2
     for k, state in enumerate(states):
-        evaluate(pattern.coefficients, pattern.lattice, scanned.places, state, scanned.bends[k], values)
+        values = pattern.read(scanned.places, state, scanned.bends[k])
         q = np.nan_to_num(values[:, 0])
         seen = (q > 0) & (readings.variance[k] > 0) & (scanned.readings[k] < scanned.ceiling)
         if np.count_nonzero(seen) < _FEWEST:

@@ -59,27 +59,36 @@ def connected(scheduler: str | None, workers: int | None, *, most: int) -> Itera
         import dask
         from dask.system import CPU_COUNT
         from distributed import Client, LocalCluster
-        from distributed.comm.addressing import parse_address, parse_host_port
-        from distributed.comm.registry import get_backend
     except ImportError as error:
         raise ExtraMissing("cluster", "distributed") from error
     for name in _LOGS:
         logging.getLogger(name).setLevel(logging.CRITICAL + 1)
-    if scheduler is None:
-        with (
-            dask.config.set(_QUIET),
-            LocalCluster(  # type: ignore[no-untyped-call]
-                n_workers=min(workers or CPU_COUNT, most),
-                threads_per_worker=1,
-                host="127.0.0.1",
-                dashboard_address="127.0.0.1:0",  # a free port
-                memory_limit=None,  # a recording is read in blocks; a worker that is stopped by a guess loses its task
-                silence_logs=logging.CRITICAL,
-            ) as cluster,
-            Client(cluster, set_as_default=False) as client,  # type: ignore[no-untyped-call]
-        ):
+    if scheduler is not None:
+        with _joined(scheduler) as client:
             yield client
         return
+    with (
+        dask.config.set(_QUIET),
+        LocalCluster(  # type: ignore[no-untyped-call]
+            n_workers=min(workers or CPU_COUNT, most),
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address="127.0.0.1:0",  # a free port
+            memory_limit=None,  # a recording is read in blocks; a worker that is stopped by a guess loses its task
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,  # type: ignore[no-untyped-call]
+    ):
+        yield client
+
+
+@contextmanager
+def _joined(scheduler: str) -> Iterator[Any]:
+    """A client of the scheduler at this address, once it has workers. Raises ClusterFault."""
+    from distributed import Client
+    from distributed.comm.addressing import parse_address, parse_host_port
+    from distributed.comm.registry import get_backend
+
     try:
         scheme, place = parse_address(scheduler)  # a client of what is no address ends with a traceback
         get_backend(scheme), parse_host_port(place)

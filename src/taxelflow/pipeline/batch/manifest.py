@@ -8,6 +8,7 @@ import os
 from typing import TYPE_CHECKING, Literal, NamedTuple, Self, cast
 
 from taxelflow.errors import printable, written_at
+from taxelflow.runtime.whole_file import whole_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -79,8 +80,6 @@ class Manifest:
             self.rows[recording] = Row(recording, cast("Status", status), float(seconds) if seconds else None, message)
 
     def _rewrite(self) -> None:
-        part = self._path.with_name(self._path.name + ".part")
         lines = [",".join(COLUMNS) + "\n", *(self.rows[recording].line() for recording in sorted(self.rows))]
-        with written_at(part):
+        with whole_file(self._path) as part:
             part.write_text("".join(lines), encoding="utf-8", newline="")
-        part.replace(self._path)

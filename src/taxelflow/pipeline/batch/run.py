@@ -14,6 +14,7 @@ from taxelflow.pipeline.batch.manifest import Manifest, Row
 from taxelflow.pipeline.batch.task import PARTS, finished, source_of
 from taxelflow.publish.summary import to_json
 from taxelflow.publish.terminal import counted
+from taxelflow.runtime.whole_file import whole_file
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -130,10 +131,8 @@ def _check_settings(out: Path, settings: Settings, *, fresh: bool) -> None:
             seen = [f"{key} was {before.get(key)!r}, is {now.get(key)!r}" for key in unlike[:_MOST_LISTED]]
             raise BatchUnlike(out, ", ".join(seen))
         return
-    part = file.with_name(f"{SETTINGS}.part")
-    with written_at(part):
+    with whole_file(file) as part:
         part.write_bytes(asked)
-    part.replace(file)
 
 
 def _flat(value: Any, prefix: str = "") -> dict[str, Any]:

@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 
 from taxelflow.errors import ExtraMissing, TaxelflowError, written_at
 from taxelflow.pipeline import api
-from taxelflow.pipeline.result import summarise
+from taxelflow.pipeline.run_summary import summarise
 from taxelflow.publish.parquet import NAMES, ParquetTables
 from taxelflow.publish.summary import Totals, to_json
 

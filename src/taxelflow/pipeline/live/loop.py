@@ -17,7 +17,7 @@ from taxelflow.pipeline.live.intake import Intake, block_of
 from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.signals import Signals
 from taxelflow.pipeline.live.workers import SinkWorker
-from taxelflow.pipeline.result import summarise
+from taxelflow.pipeline.run_summary import summarise
 from taxelflow.pipeline.stages import Output
 from taxelflow.publish.sinks.base import Ending, Head, Update
 from taxelflow.publish.sinks.lines import scan_texts

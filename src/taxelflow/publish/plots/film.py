@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.hand import draw_hand
 from taxelflow.publish.plots.outlines import extent_mm, outlines
 from taxelflow.publish.plots.style import BLUE, GREEN, GREY, INK, MAGENTA, SLIP, VERMILION, plain
-from taxelflow.publish.results import spans
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.style import INK, MAGENTA, look, plain
-from taxelflow.publish.results import spans
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.outlines import extent_mm, outlines
 from taxelflow.publish.plots.style import BLUE, GREY, INK, VERMILION, caption, plain
-from taxelflow.publish.results import spans
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.rounding import LINE_POINTS
+from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.lanes import draw_lanes
 from taxelflow.publish.plots.style import GREY, INK, SLIP, look, plain
-from taxelflow.publish.results import spans
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.errors import ExtraMissing
+from taxelflow.runtime.whole_file import whole_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -115,9 +116,8 @@ def save(figure: Figure, path: Path) -> Path:
     """Write a figure, whole or not at all, and forget it."""
     import matplotlib.pyplot as plt
 
-    part = path.with_name(path.name + ".part")
     form = path.suffix.removeprefix(".")
-    figure.savefig(part, format=form, metadata={"Date": None} if form == "svg" else None)
-    part.replace(path)
+    with whole_file(path) as part:
+        figure.savefig(part, format=form, metadata={"Date": None} if form == "svg" else None)
     plt.close(figure)
     return path

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.film import box_mm, on_hand
 from taxelflow.publish.report.series import Packer, binned
-from taxelflow.publish.results import spans
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from taxelflow.errors import ExtraMissing
+from taxelflow.runtime.whole_file import whole_file
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -75,7 +76,6 @@ def write_report(report: Report, path: Path) -> int:
     """Write the page, whole or not at all; return its size in bytes. Raises ExtraMissing."""
     content = render(report).encode()
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(content)
-    part.replace(path)
+    with whole_file(path) as part:
+        part.write_bytes(content)
     return len(content)

@@ -26,7 +26,7 @@ _ARROW_S = 0.2
 """An arrow is as long as the object's path in this time."""
 _SHORTEST_M = 1e-4
 """Length below which an arrow is not drawn."""
-_FLOAT = 4
+_FLOAT = np.dtype(np.float32).itemsize
 """Bytes of a number."""
 
 

@@ -76,7 +76,7 @@ class Charts:
     as circles.
     """
 
-    def __init__(self, gui: Any, load_scale: float, load_unit: str, *, compares: bool = False) -> None:
+    def __init__(self, gui: Any, load_scale: float, load_unit: str, *, compares: bool) -> None:
         self._load_scale, self._compares = load_scale, compares
         self._plots = {name: _plot(gui, chart, compares=compares) for name, chart in charts(load_unit).items()}
 

@@ -34,11 +34,11 @@ TOP, LEFT, RIGHT = Anchor(0.5, 1.0), Anchor(0.0, 0.5), Anchor(1.0, 0.5)
 
 
 @cache
-def font(em: int = EM) -> Any:
-    """Pillow's font at a size, pixels."""
+def font() -> Any:
+    """Pillow's font at the size of letters."""
     from PIL import ImageFont
 
-    return ImageFont.load_default(em)
+    return ImageFont.load_default(EM)
 
 
 def text_image(words: str, colour: Rgb) -> NDArray[np.uint8]:

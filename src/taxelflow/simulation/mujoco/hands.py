@@ -30,7 +30,7 @@ def check_objects(hand: str, objects: Iterable[str]) -> None:
             raise ParameterInvalid("objects", name, f"be one of {', '.join(PALM_OBJECTS)} for the BarrettHand")
 
 
-def grip(hand: str, held: Held, actuator: Actuator, seed: int, skin: Skin | None = None) -> Grip:
+def grip(hand: str, held: Held, actuator: Actuator, seed: int, skin: Skin | None) -> Grip:
     """The plant of a hand, see `check_objects`. skin: of the gripper; the hand's follows from its sensor.
 
     Raises ExtraMissing.

@@ -8,9 +8,9 @@ import msgspec
 import numpy as np
 
 from taxelflow.acquire.base import Recording, Truth
-from taxelflow.acquire.limits import BLOCK_SCANS
+from taxelflow.acquire.blocks import cut_up
 from taxelflow.errors import NameUnknown
-from taxelflow.messages import RawScans, cut
+from taxelflow.messages import RawScans
 from taxelflow.numerics.geometry import rotation
 from taxelflow.simulation.relief.balance import Sites, depths, pressure_at, settle
 from taxelflow.simulation.relief.body import body_of
@@ -19,7 +19,7 @@ from taxelflow.simulation.relief.faults import delays, readings
 from taxelflow.simulation.relief.foundation import foundation_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -61,11 +61,6 @@ def simulate_relief(pressing: Pressing, sensor: Sensor, pad: str) -> Recording:
     if sensor.unit == "count" and pressing.faults.bits:
         values = np.round(values)
     scans = RawScans(t_s, sensor.channel_map.to_source(values))
-
-    def read() -> Iterator[RawScans]:
-        for start in range(0, len(scans), BLOCK_SCANS):
-            yield cut(scans, start, min(start + BLOCK_SCANS, len(scans)))
-
     if delay_s.any() and not sensor.delay_s:
         whole = np.zeros(layout.taxels)
         whole[own] = delay_s
@@ -73,7 +68,7 @@ def simulate_relief(pressing: Pressing, sensor: Sensor, pad: str) -> Recording:
     path = follow(pressing.course, pressing.rate_hz, t_s)
     truth = Truth(pad, t_s, path.pose, path.slides | path.turns)
     name = f"pressed {pressing.object.shape}, seed {pressing.seed}"
-    return Recording(name, "rig", sensor, read, scans=len(t_s), truth=truth)
+    return Recording(name, "rig", sensor, lambda: cut_up(scans), scans=len(t_s), truth=truth)
 
 
 def pressed_along(

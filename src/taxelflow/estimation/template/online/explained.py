@@ -12,7 +12,7 @@ from taxelflow.estimation.template.linearization import Packed, frame_of, neares
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.messages import Floats
-from taxelflow.numerics.bspline import STATE
+from taxelflow.numerics.bspline import STATE, by_state
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.small_linalg import put_lower
@@ -97,7 +97,7 @@ def unexplained_and_doubted(
         firm = 1.0 / (variance + more)
         weight = firm / (1.0 + firm * doubtful) if fit else 0.0
         q, qu, qw = q if fit else 0.0, gain * qu if fit else 0.0, gain * qw if fit else 0.0
-        jx, jy, jt, js = qw * sin - qu * cos, -qw * cos - qu * sin, qu * w - qw * u, -qu * u - qw * w
+        jx, jy, jt, js = by_state(u, w, qu, qw, cos, sin)
         wx, wy, wt, wg, ws = weight * jx, weight * jy, weight * jt, weight * q, weight * js
         xx, xy, yy = xx + wx * jx, xy + wx * jy, yy + wy * jy
         tx, ty, tt = tx + wt * jx, ty + wt * jy, tt + wt * jt

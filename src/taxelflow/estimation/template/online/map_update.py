@@ -17,13 +17,12 @@ from taxelflow.estimation.template.hypotheses import (
     ENOUGH_SCANS,
     FIRST_GAIN_STD,
     coarse,
-    covering,
     refined,
     start_scan,
 )
 from taxelflow.estimation.template.initialization import IncrementalMapper
 from taxelflow.estimation.template.likelihood import cost
-from taxelflow.estimation.template.map import fill
+from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
 from taxelflow.estimation.template.online.local_map import FIRST_SLACK, LocalMap
@@ -245,7 +244,7 @@ def _again(known: LocalMap, scanned: Scanned, states: Floats) -> Solved:
 def _retraced(scanned: Scanned, *, turns: bool) -> Floats:
     """States (n, 5) of keyframes, one registered after the other as in a batch."""
     own = scanned.taken(np.arange(len(scanned)))
-    mapper = IncrementalMapper(own, start_scan(own), own.stiffness(turns=turns, gain_std=FIRST_GAIN_STD))
+    mapper = IncrementalMapper(own, start_scan(own), own.precision(turns=turns, gain_std=FIRST_GAIN_STD))
     mapper.register_all()
     return mapper.states
 

@@ -59,7 +59,7 @@ def _best_of(
     surface: Surface,
     taxels: Packed,
     starts: Floats,
-    stiffness: Floats,
+    precision: Floats,
     limits: tuple[float, float],
     state: Floats,
     information: Floats,
@@ -76,7 +76,7 @@ def _best_of(
     for start in range(len(starts)):
         for a in range(STATE):
             mean[a] = trial[a] = starts[start, a]
-        prior = Prior(mean, stiffness)
+        prior = Prior(mean, precision)
         cost, chi, count = refine_state(surface, taxels, prior, HUBER, _ITERATIONS, trial, found, room[:ROOM])
         if not (cost < best and count > 0 and chi / max(count, 1) < gate(usual, float(count))):
             continue
@@ -127,8 +127,8 @@ def relocalise(
     place = np.where(across, HELD, _SEARCH.about**-2)
     state, information = np.zeros(STATE), np.zeros((STATE, STATE))
     for gain_std in (known.loose_gain_std, 1.0):
-        stiffness = np.array([*place, FREE if known.turns else HELD, gain_std**-2, HELD])
-        chi, count = _best(surface, taxels, starts, stiffness, (float(known.usual), float(error)), state, information)
+        precision = np.array([*place, FREE if known.turns else HELD, gain_std**-2, HELD])
+        chi, count = _best(surface, taxels, starts, precision, (float(known.usual), float(error)), state, information)
         if count:
             return Found(state, information, chi / count, count)
     return None

@@ -64,7 +64,7 @@ def update(
     still: bool,
     brought: Floats,
     rest: Floats,
-    stiffness: Floats,
+    precision: Floats,
     room: Floats,
     m: Track,
 ) -> float:
@@ -82,7 +82,7 @@ def update(
     for a in range(STATE):
         for b in range(a + 1):
             information[a, b] /= 1.0 + excess
-        information[a, a] += stiffness[a]
+        information[a, a] += precision[a]
     mirror(information)
     count = rest.shape[1]
     values = room[:, :count]

@@ -72,7 +72,7 @@ def _follow_pad(
 ) -> None:
     """`follow` for one pad. rest: (4, taxels)."""
     count, lanes, states = len(scan.reading), room.lanes, room.states
-    last, middle, stiffness = states[0], states[1], states[2]
+    last, middle, precision = states[0], states[1], states[2]
     bend, brought = lanes[10:13, : len(delay)], lanes[13:16]
     for a in range(STATE):
         last[a] = m.state[a]
@@ -123,11 +123,11 @@ def _follow_pad(
     for i in range(len(scan.reading)):
         rest[3, i] = scan.reading[i] - brought[0, i] if m.carries else 0.0
     if m.carries or rests or chi > GATE * usual:
-        _stiffen(m, m.turn_std, grown_std if m.grows else 0.0, state_of(stiffness).gain, stiffness)
+        _stiffen(m, m.turn_std, grown_std if m.grows else 0.0, state_of(precision).gain, precision)
         before = brought[:, : count if m.carries else 0]
-        m.chi = update(surface, taxels, error, chi / usual, rests, before, rest, stiffness, lanes[16:], m)
+        m.chi = update(surface, taxels, error, chi / usual, rests, before, rest, precision, lanes[16:], m)
         m.carries = rests or m.chi > GATE * m.usual
-    _judge(surface, taxels, error, floor * level, stiffness, m)
+    _judge(surface, taxels, error, floor * level, precision, m)
     _add_lag(bend, scan, m)
     find_shift(floor, m)
     update_motion(t, span, last, middle, m)
@@ -144,7 +144,7 @@ def _level(scan: PadScan, m: Track) -> float:
 
 
 @lean_kernel
-def _judge(surface: Surface, taxels: Packed, error: float, unseen: float, stiffness: Floats, m: Track) -> None:
+def _judge(surface: Surface, taxels: Packed, error: float, unseen: float, precision: Floats, m: Track) -> None:
     """Fill m.unexplained, m.shift, and m.doubted with the information that is left if readings have the error that the
     sensor may have unseen. error, unseen: of a reading, by the pattern and by the sensor.
     """
@@ -157,11 +157,11 @@ def _judge(surface: Surface, taxels: Packed, error: float, unseen: float, stiffn
     more = unseen * unseen - error * error
     m.unexplained = unexplained_and_doubted(surface, taxels, error, more, m.state[:], m.shift[:], m.doubted[:])
     for part in MAY_BE_HELD:
-        if stiffness[part] >= HELD:
+        if precision[part] >= HELD:
             for a in range(STATE):
                 m.doubted[max(a, part), min(a, part)] = 0.0
     for a in range(STATE):
-        m.doubted[a, a] += stiffness[a]
+        m.doubted[a, a] += precision[a]
     mirror(m.doubted)
 
 
@@ -209,7 +209,7 @@ def _search(surface: Surface, taxels: Packed, search: Search, m: Track) -> float
     """
     best, best_chi = np.inf, np.inf
     states = search.states
-    stiffness, mean, trial, found = states[2], states[3], states[4], states[5:10]
+    precision, mean, trial, found = states[2], states[3], states[4], states[5:10]
     for attempt in range(_ATTEMPTS):
         if attempt >= _TURNS and best_chi <= gate(search.usual, m.count):
             break
@@ -223,10 +223,10 @@ def _search(surface: Surface, taxels: Packed, search: Search, m: Track) -> float
         elif attempt == _GROWS:
             grown_std = _FIRST_GROWTH
         gain_std = m.gain_std if attempt < _LOOSE else _LOOSE_GAIN_STD
-        _stiffen(m, turn_std, grown_std, 1.0 / (gain_std * last.gain) ** 2, stiffness)
+        _stiffen(m, turn_std, grown_std, 1.0 / (gain_std * last.gain) ** 2, precision)
         theta = state_of(trial).theta if m.turn_std > 0.0 else last.theta
         put(State(last.x, last.y, theta, last.gain, last.size), mean)
-        prior = Prior(mean, stiffness)
+        prior = Prior(mean, precision)
         cost, chi, count = refine_state(surface, taxels, prior, HUBER, _ITERATIONS, trial, found, states[10:])
         if cost < best - (CHEAPER if attempt < _TURNS else _PAID * _misfit(best, taxels)):
             best, best_chi, m.count = cost, chi / max(count, 1), count
@@ -269,13 +269,13 @@ def _start(attempt: int, last: State, search: Search, m: Track) -> State:
 
 
 @lean_kernel
-def _stiffen(m: Track, turn_std: float, grown_std: float, gain: float, stiffness: Floats) -> None:
-    """Fill stiffness (5,), with the gain's given; an angle or a size whose standard deviation is 0 is held."""
+def _stiffen(m: Track, turn_std: float, grown_std: float, gain: float, precision: Floats) -> None:
+    """Fill precision (5,), with the gain's given; an angle or a size whose standard deviation is 0 is held."""
     x = HELD if m.across[0] > 0.0 else FREE
     y = HELD if m.across[1] > 0.0 else FREE
     theta = 1.0 / turn_std**2 if turn_std > 0.0 else HELD
     size = 1.0 / grown_std**2 if grown_std > 0.0 else HELD
-    put(State(x, y, theta, gain, size), stiffness)
+    put(State(x, y, theta, gain, size), precision)
 
 
 @lean_kernel
