@@ -29,6 +29,7 @@ TaxelflowError
 ├── BatchUnlike               a directory holds a batch with other settings
 ├── ClusterFault              workers or the scheduler failed; recordings are left undone
 ├── PluginBroken              a part of another package cannot be imported
+├── PluginFailed              a part of another package raised an exception
 ├── EstimatorBroken           an estimator of another package breaks its protocol
 ├── RunEnded                  scans come after the end of a live run
 ├── TruthInvalid              a robot's trajectory cannot be read
@@ -417,11 +418,21 @@ class GraphicsMissing(TaxelflowError):
 
 
 class PluginBroken(TaxelflowError):
-    """A part of another package cannot be imported. error: what the import raised."""
+    """A part of another package cannot be imported, or breaks its protocol. error: what shows that."""
 
     def __init__(self, stage: str, name: str, where: str, package: str, error: Exception) -> None:
         seen = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        super().__init__(f"cannot import {stage} {name!r} from {where} ({seen}); mend or remove the package {package}")
+        super().__init__(f"cannot use {stage} {name!r} from {where} ({seen}); mend or remove the package {package}")
+
+
+class PluginFailed(TaxelflowError):
+    """A part of another package raised what it should not. error, place: what, and where in the package."""
+
+    def __init__(self, stage: str, name: str, package: str, error: BaseException, place: str) -> None:
+        seen = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        super().__init__(
+            f"{stage} {name!r} of the package {package} has failed ({seen}; {place}); mend or remove that package"
+        )
 
 
 class ExtraMissing(TaxelflowError):
