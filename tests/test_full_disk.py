@@ -50,6 +50,16 @@ def test_a_conversion_on_a_full_disk_names_the_place(
     assert str(out) in said
 
 
+def test_a_file_that_cannot_be_made_is_named_without_part(
+    tmp_path: Path, recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = refused(capsys, "convert", recording, tmp_path / "none" / "b.csv", "--sensor", SENSOR)
+    assert said.endswith(f"No such file or directory: {tmp_path}/none/b.csv; check the path and permissions\n")
+    (tmp_path / "b.csv").mkdir()
+    said = refused(capsys, "convert", recording, tmp_path / "b.csv", "--sensor", SENSOR)
+    assert said.endswith(f"Is a directory: {tmp_path}/b.csv; check the path and permissions\n")
+
+
 @needs_full
 def test_a_full_disk_under_standard_output_is_one_line() -> None:
     with FULL.open("w") as full:

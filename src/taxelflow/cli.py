@@ -271,7 +271,7 @@ def main(args: list[str] | None = None) -> int:
         with written_at(OUTPUT):
             sys.stdout.flush()
         return code
-    except (Exception, KeyboardInterrupt) as error:
+    except (Exception, KeyboardInterrupt, SystemExit) as error:
         return complain(error, args)
 
 

@@ -46,17 +46,19 @@ from __future__ import annotations
 from contextlib import contextmanager
 from difflib import get_close_matches
 from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
-    from pathlib import Path
 
 
 _MOST_LISTED = 30
 """Names that a message lists at most."""
 _PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z")
 """Suffixes of files that hold others."""
+_PART = ".part"
+"""Suffix of files until they are whole."""
 _LONGEST = 4000
 """Characters of a message at most: it may quote what a file contains."""
 
@@ -93,12 +95,18 @@ def _again(kind: type[TaxelflowError], args: tuple[object, ...], fields: dict[st
 
 @contextmanager
 def written_at(place: Path | str) -> Iterator[None]:
-    """Name the place in an OSError that has no file name, as one of a full disk."""
+    """Name the place in an OSError that has no file name, as one of a full disk, and the file that a `.part` was to
+    become where there is no such `.part`.
+    """
     try:
         yield
     except OSError as error:
         if error.filename is None:
             error.filename = str(place)
+        name = str(error.filename2 or error.filename)
+        if name != str(place) and name.endswith(_PART) and not Path(name).exists():
+            name = name.removesuffix(_PART)
+        error.filename, error.filename2 = name, None
         raise
 
 

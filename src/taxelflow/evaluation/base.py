@@ -79,11 +79,12 @@ def write_tables(tables: Sequence[Table], path: Path) -> list[Path]:
     paths = [path, *(path.with_name(f"{path.stem}-{table.name}.csv") for table in tables[1:])]
     for target, table in zip(paths, tables, strict=True):
         part = target.with_name(target.name + ".part")
-        with written_at(target), part.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(table.columns)
-            writer.writerows(map(_text, row) for row in table.rows)
-        part.replace(target)
+        with written_at(target):
+            with part.open("w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file, lineterminator="\n")
+                writer.writerow(table.columns)
+                writer.writerows(map(_text, row) for row in table.rows)
+            part.replace(target)
     return paths
 
 

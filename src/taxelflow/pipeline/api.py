@@ -134,7 +134,7 @@ def convert(
     try:
         with written_at(path):
             write(recording, part, watched(reading))
-        part.replace(path)
+            part.replace(path)
     finally:
         part.unlink(missing_ok=True)
     return reading

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.errors import ResultMissing
+from taxelflow.errors import ResultMissing, written_at
 from taxelflow.messages import LearnedPattern
 
 if TYPE_CHECKING:
@@ -29,9 +29,10 @@ def write_patterns(patterns: Sequence[LearnedPattern], path: Path) -> None:
     for number, one in enumerate(patterns):
         arrays |= {f"{name}_{number}": getattr(one, name) for name in _ARRAYS}
     part = path.with_name(path.name + ".part")
-    with part.open("wb") as file:
-        np.savez_compressed(file, **arrays)
-    part.replace(path)
+    with written_at(path):
+        with part.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+        part.replace(path)
 
 
 def read_patterns(directory: Path) -> list[LearnedPattern]:

@@ -98,8 +98,7 @@ class Tables:
     def __exit__(self, kind: type[BaseException] | None, *_details: object) -> None:
         with written_at(self.directory):
             self._stack.close()
-        if kind is None:
-            for name in self._files:
+            for name in self._files if kind is None else ():
                 part = self.directory / f"{name}.csv.part"
                 part.replace(part.with_suffix(""))
 
@@ -130,10 +129,11 @@ class Tables:
 
     def write_summary(self, summary: Summary) -> None:
         """Write `summary.json`, whole or not at all."""
-        part = self.directory / "summary.json.part"
-        with written_at(part):
+        path = self.directory / "summary.json"
+        part = path.with_name(f"{path.name}.part")
+        with written_at(path):
             part.write_bytes(to_json(summary))
-        part.replace(part.with_suffix(""))
+            part.replace(path)
 
     def write_patterns(self, patterns: Sequence[LearnedPattern]) -> None:
         """Write `patterns.npz`, if there are any, whole or not at all."""

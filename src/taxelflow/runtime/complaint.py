@@ -20,8 +20,8 @@ _REMEDIES = {errno.ENOSPC: "make room there", errno.EEXIST: "a file is in the wa
 
 def complain(error: BaseException, args: Sequence[str]) -> int:
     """Print what went wrong with a command of these words; its exit code. Raises what nobody foresaw."""
-    if isinstance(error, BrokenPipeError):  # the reader of a pipe, such as head, has seen enough
-        _drop_output()
+    if BrokenPipeError in (type(error), type(error.__context__)) and not isinstance(error, TaxelflowError):
+        _drop_output()  # the reader of a pipe, such as head, has seen enough; rich then exits with 1
         return 0
     if isinstance(error, KeyboardInterrupt):
         _say("interrupted; rows computed so far stand in the .part files")
@@ -33,7 +33,7 @@ def complain(error: BaseException, args: Sequence[str]) -> int:
     elif isinstance(error, OSError):
         _say(_of_system(error))
     else:
-        raise error
+        raise error  # such as SystemExit
     return BAD_INPUT
 
 

@@ -155,7 +155,7 @@ class Record(FromSource):
         from taxelflow.pipeline.live.mcap_sink import McapSink
         from taxelflow.pipeline.live.status import StatusScreen
 
-        if self.out.suffix != ".mcap":
+        if self.out.suffix.lower() != ".mcap":
             raise ParameterInvalid("out", str(self.out), "end in .mcap")
         sinks, source = {str(self.out): McapSink(self.out, drawn=False)}, self.opened()
         check_files(sinks, source)

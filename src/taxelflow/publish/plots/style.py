@@ -8,7 +8,7 @@ import warnings
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from taxelflow.errors import ExtraMissing
+from taxelflow.errors import ExtraMissing, written_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -117,7 +117,8 @@ def save(figure: Figure, path: Path) -> Path:
 
     part = path.with_name(path.name + ".part")
     form = path.suffix.removeprefix(".")
-    figure.savefig(part, format=form, metadata={"Date": None} if form == "svg" else None)
-    part.replace(path)
+    with written_at(path):
+        figure.savefig(part, format=form, metadata={"Date": None} if form == "svg" else None)
+        part.replace(path)
     plt.close(figure)
     return path

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from taxelflow.errors import ExtraMissing
+from taxelflow.errors import ExtraMissing, written_at
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -76,6 +76,7 @@ def write_report(report: Report, path: Path) -> int:
     content = render(report).encode()
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(path.name + ".part")
-    part.write_bytes(content)
-    part.replace(path)
+    with written_at(path):
+        part.write_bytes(content)
+        part.replace(path)
     return len(content)
