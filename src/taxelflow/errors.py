@@ -103,10 +103,10 @@ def written_at(place: Path | str) -> Iterator[None]:
     except OSError as error:
         if error.filename is None:
             error.filename = str(place)
-        name = str(error.filename2 or error.filename)
-        if name != str(place) and name.endswith(_PART) and not Path(name).exists():
-            name = name.removesuffix(_PART)
-        error.filename, error.filename2 = name, None
+        name = Path(error.filename2 or error.filename)
+        if name != Path(place) and _PART in name.name and not name.exists():
+            name = name.with_name("".join(name.name.rsplit(_PART, 1)))
+        error.filename, error.filename2 = str(name), None
         raise
 
 
