@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.acquire.base import Recording
+from taxelflow.acquire.column_pads import check_pads
 from taxelflow.acquire.columns import JOINT, SECONDS_PER, Columns
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_SCANS, MOST_ARRAY_BYTES, Budget, check_expansion, scans_per_block
@@ -65,6 +66,8 @@ def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = No
     if sensor is None:
         raise SensorNeeded(path, builtin_sensors())
     table = _fitted(table, schema, sensor)
+    if not table.listed:
+        check_pads(path, table.taxels, asked, sensor)
     check_expansion(path, 8 * scans * (1 + table.width + len(table.joints)))
     notes = (
         () if asked.rate_hz is None else (f"times computed from the rate of {asked.rate_hz:g} Hz: the log has none",)
