@@ -93,7 +93,8 @@ def message(store: Typestore, message_type: str, stamp_s: float, parts: list[Any
         return make(name, header=header(store, stamp_s), pressure_list=arrays) if name.endswith("List") else arrays[0]
     if name == "TactileState":
         channel = store.types["sensor_msgs/msg/ChannelFloat32"]
-        sensors = [channel(name=f"pad{n}", values=np.asarray(part, np.float32)) for n, part in enumerate(parts)]
+        named = parts.items() if isinstance(parts, dict) else ((f"pad{n}", part) for n, part in enumerate(parts))
+        sensors = [channel(name=name, values=np.asarray(part, np.float32)) for name, part in named]
         return make(name, header=header(store, stamp_s), sensors=sensors)
     if name == "TactileArray":
         fingers = {key: np.asarray(part, np.float32) for key, part in zip(FINGERS, parts, strict=True)}

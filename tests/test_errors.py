@@ -39,6 +39,7 @@ FACTS: dict[str, tuple[object, ...]] = {
     "GainsUnknown": ("the object did not move", "move it"),
     "EstimatorBroken": ("MySession", "a list", "step must return Estimates"),
     "PluginBroken": ("estimator", "other", "plug:Other", "plug", RuntimeError("no\nlicence")),
+    "PluginFailed": ("source", "other", "plug", ValueError("no\nmotor"), "plug.py, line 3"),
     "RunEnded": (),
     "TruthInvalid": (Path("truth.csv"), "it is empty"),
     "AddressInvalid": ("tcp:5000", "it has no host and port", "tcp://HOST:PORT"),

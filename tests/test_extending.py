@@ -71,7 +71,7 @@ def test_a_bag_of_the_packages_message_is_read() -> None:
     np.testing.assert_array_equal(taxelflow.read("touch.bag", "my-palm").load().values, rows)
     Path("my_touch/message.py").write_text("TOUCH = 28\n")
     del sys.modules["my_touch.message"]
-    with pytest.raises(PluginBroken, match=r"cannot import message 'touch' .* it is a int, not a Kind"):
+    with pytest.raises(PluginBroken, match=r"cannot use message 'touch' .* it is a int, not a Kind"):
         taxelflow.read("touch.bag", "my-palm")
 
 

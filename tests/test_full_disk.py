@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigged import refused
+from rigged import estimated, refused
 from synthetic import dome, grid_sensor
 
 FULL = Path("/dev/full")
@@ -48,6 +48,19 @@ def test_a_conversion_on_a_full_disk_names_the_place(
     said = refused(capsys, "convert", recording, out, "--sensor", SENSOR)
     assert "No space left on device" in said
     assert str(out) in said
+
+
+def test_a_file_that_cannot_be_made_is_named_without_part(
+    tmp_path: Path, recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = refused(capsys, "convert", recording, tmp_path / "none" / "b.csv", "--sensor", SENSOR)
+    assert said.endswith(f"No such file or directory: {tmp_path}/none/b.csv; check the path and permissions\n")
+    made = estimated(recording, tmp_path / "out", "--sensor", SENSOR)
+    said = refused(capsys, "film", made, "/proc/b.gif")
+    assert said.endswith("No such file or directory: /proc/b.gif; check the path and permissions\n")
+    (tmp_path / "b.csv").mkdir()
+    said = refused(capsys, "convert", recording, tmp_path / "b.csv", "--sensor", SENSOR)
+    assert said.endswith(f"Is a directory: {tmp_path}/b.csv; check the path and permissions\n")
 
 
 @needs_full

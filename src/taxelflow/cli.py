@@ -6,9 +6,7 @@ evaluation/commands.py.
 
 from __future__ import annotations
 
-import errno
 import logging
-import os
 import sys
 import typing
 from contextlib import suppress
@@ -30,7 +28,6 @@ from taxelflow.errors import (
     OptionsUnknown,
     ParameterInvalid,
     RecordingsSeveral,
-    TaxelflowError,
     written_at,
 )
 from taxelflow.evaluation.commands import Bench, Calibrate, Figures, Info, Plot, Score
@@ -42,7 +39,8 @@ from taxelflow.pipeline.batch.options import Estimating
 from taxelflow.pipeline.live.command import Record, Run
 from taxelflow.pipeline.live.emulators.command import Emulate
 from taxelflow.runtime import registry
-from taxelflow.runtime.exit_codes import BAD_INPUT, INTERRUPTED, PARTLY_DONE
+from taxelflow.runtime.complaint import OUTPUT, complain
+from taxelflow.runtime.exit_codes import PARTLY_DONE
 from taxelflow.runtime.streams import settle_streams
 from taxelflow.simulation.command import Simulate
 from taxelflow.simulation.scenario import SCENARIOS
@@ -50,8 +48,6 @@ from taxelflow.simulation.scenario import SCENARIOS
 DESCRIPTION = """Touch-based motion sensing for robot hands: pressure scans in, object motion and slip out.
 
 Version: taxelflow --version. Shell completion: taxelflow --tyro-print-completion bash (or zsh)."""
-_OUTPUT = "standard output"
-_REMEDIES = {errno.ENOSPC: "make room there", errno.EEXIST: "a file is in the way of a directory: give another one"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -272,26 +268,11 @@ def main(args: list[str] | None = None) -> int:
     args = sys.argv[1:] if args is None else args
     try:
         code = _run(args)
-        with written_at(_OUTPUT):
+        with written_at(OUTPUT):
             sys.stdout.flush()
         return code
-    except TaxelflowError as error:
-        message = error.on_command_line(args) if isinstance(error, ParameterInvalid) else error
-        print(f"taxelflow: {message}", file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print("taxelflow: interrupted; rows computed so far stand in the .part files", file=sys.stderr)
-        return INTERRUPTED
-    except BrokenPipeError:  # the reader of a pipe, such as head, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except OSError as error:
-        if error.errno == errno.ENOSPC and error.filename in (None, _OUTPUT):
-            error.filename = _OUTPUT
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # its buffer would raise again at exit
-        remedy = _REMEDIES.get(error.errno or 0, "check the path and permissions")
-        print(f"taxelflow: {error.strerror or error}: {error.filename}; {remedy}", file=sys.stderr)
-        return BAD_INPUT
+    except (Exception, KeyboardInterrupt, SystemExit) as error:
+        return complain(error, args)
 
 
 if __name__ == "__main__":

@@ -29,6 +29,7 @@ TaxelflowError
 ├── BatchUnlike               a directory holds a batch with other settings
 ├── ClusterFault              workers or the scheduler failed; recordings are left undone
 ├── PluginBroken              a part of another package cannot be imported
+├── PluginFailed              a part of another package raised an exception
 ├── EstimatorBroken           an estimator of another package breaks its protocol
 ├── RunEnded                  scans come after the end of a live run
 ├── TruthInvalid              a robot's trajectory cannot be read
@@ -45,17 +46,19 @@ from __future__ import annotations
 from contextlib import contextmanager
 from difflib import get_close_matches
 from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
-    from pathlib import Path
 
 
 _MOST_LISTED = 30
 """Names that a message lists at most."""
 _PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z")
 """Suffixes of files that hold others."""
+_PART = ".part"
+"""Suffix of files until they are whole."""
 _LONGEST = 4000
 """Characters of a message at most: it may quote what a file contains."""
 
@@ -92,12 +95,18 @@ def _again(kind: type[TaxelflowError], args: tuple[object, ...], fields: dict[st
 
 @contextmanager
 def written_at(place: Path | str) -> Iterator[None]:
-    """Name the place in an OSError that has no file name, as one of a full disk."""
+    """Name the place in an OSError that has no file name, as one of a full disk, and the file that a `.part` was to
+    become where there is no such `.part`.
+    """
     try:
         yield
     except OSError as error:
         if error.filename is None:
             error.filename = str(place)
+        name = Path(error.filename2 or error.filename)
+        if name != Path(place) and _PART in name.name and not name.exists():
+            name = name.with_name("".join(name.name.rsplit(_PART, 1)))
+        error.filename, error.filename2 = str(name), None
         raise
 
 
@@ -417,11 +426,21 @@ class GraphicsMissing(TaxelflowError):
 
 
 class PluginBroken(TaxelflowError):
-    """A part of another package cannot be imported. error: what the import raised."""
+    """A part of another package cannot be imported, or breaks its protocol. error: what shows that."""
 
     def __init__(self, stage: str, name: str, where: str, package: str, error: Exception) -> None:
         seen = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        super().__init__(f"cannot import {stage} {name!r} from {where} ({seen}); mend or remove the package {package}")
+        super().__init__(f"cannot use {stage} {name!r} from {where} ({seen}); mend or remove the package {package}")
+
+
+class PluginFailed(TaxelflowError):
+    """A part of another package raised what it should not. error, place: what, and where in the package."""
+
+    def __init__(self, stage: str, name: str, package: str, error: BaseException, place: str) -> None:
+        seen = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        super().__init__(
+            f"{stage} {name!r} of the package {package} has failed ({seen}; {place}); mend or remove that package"
+        )
 
 
 class ExtraMissing(TaxelflowError):

@@ -94,3 +94,29 @@ def test_without_pyarrow_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(ExtraMissing, match=r"pip install 'taxelflow\[tables\]'"):
         read(path, SENSOR)
+
+
+@pytest.mark.parametrize(
+    "kind", [pa.list_(pa.float32()), pa.list_(pa.int16(), 2), pa.large_list(pa.float64()), pa.list_(pa.float64())]
+)
+def test_a_column_of_lists_holds_all_taxels(tmp_path: Path, kind: Any) -> None:
+    rows = pa.array([[1, 2], [3, None], None, [5, 6]], kind)
+    recording = open_parquet(write(tmp_path, {"t_s": [0.0, 0.1, 0.2, 0.3], "taxels": rows}), SENSOR)
+    np.testing.assert_array_equal(recording.load().values, [[1, 2], [3, np.nan], [np.nan] * 2, [5, 6]])
+
+
+def test_lists_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    t_s = {"t_s": [0.0, 0.1]}
+    ragged = open_parquet(write(tmp_path, t_s | {"taxels": [[1.0, 2.0], [3.0]]}), SENSOR)
+    with pytest.raises(RecordingCorrupt, match="scan 1 has 1 numbers in column 'taxels'; it needs 2 in each row"):
+        ragged.load()
+    fixed = pa.array([[1, 2, 3], [4, 5, 6]], pa.list_(pa.int16(), 3))
+    with pytest.raises(TaxelCountWrong, match="column 'taxels' holds lists of 3"):
+        open_parquet(write(tmp_path, t_s | {"taxels": fixed}), SENSOR)
+    both = t_s | {"taxels": [[1.0, 2.0], [3.0, 4.0]], "force": [1.0, 2.0]}
+    with pytest.raises(RecordingCorrupt, match=r"2 columns of taxels; choose it alone, with --columns.taxels 'taxels'"):
+        open_parquet(write(tmp_path, both), SENSOR)
+    chosen = open_parquet(tmp_path / "a.parquet", SENSOR, Columns(taxels=("taxels",)))
+    np.testing.assert_array_equal(chosen.load().values, [[1, 2], [3, 4]])
+    with pytest.raises(RecordingCorrupt, match=r"column 'taxels' holds list<.*string.*>, not numbers"):
+        open_parquet(write(tmp_path, t_s | {"taxels": [["a", "b"], ["c", "d"]]}), SENSOR)

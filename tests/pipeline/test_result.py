@@ -12,7 +12,14 @@ import pytest
 import taxelflow
 from rigged import rigged
 from synthetic import dome, grid_sensor, recorded
-from taxelflow.errors import ExtraMissing, NameUnknown, RecordingCorrupt, TaxelCountWrong, TimesNotIncreasing
+from taxelflow.errors import (
+    ExtraMissing,
+    NameUnknown,
+    ParameterInvalid,
+    RecordingCorrupt,
+    TaxelCountWrong,
+    TimesNotIncreasing,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -198,6 +205,12 @@ def test_a_result_is_drawn(result: taxelflow.Result, tmp_path: Path) -> None:
     files = result.plot(tmp_path / "pictures", "png")
     assert {file.name for file in files} >= {"position-pad0.png", "path-convolution.png"}
     assert all(file.is_file() for file in files)
+
+
+def test_pictures_of_an_unknown_format_are_refused(result: taxelflow.Result, tmp_path: Path) -> None:
+    with pytest.raises(ParameterInvalid, match=r"format must be svg, png or pdf \(got 'jpg'\)"):
+        result.plot(tmp_path / "pictures", "jpg")  # type: ignore[arg-type]
+    assert not (tmp_path / "pictures").exists()
 
 
 @pytest.mark.parametrize(("repeats", "noted"), [(1, False), (5, True)])

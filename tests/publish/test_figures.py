@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from rigged import rigged, svg_words, track
 from taxelflow.messages import LearnedPattern
-from taxelflow.publish.figures import PadTracks, Pictures, ResultPictures, Views, draw_results, strokes_of
+from taxelflow.publish.figures import PadTracks, Pictures, ResultPictures, Views, draw_results, remove_older, strokes_of
 from taxelflow.publish.plots.hand import Moment
 from taxelflow.publish.plots.pattern import Contact
 from taxelflow.sensors.catalogue import load_sensor
@@ -54,6 +55,20 @@ def test_patterns_of_all_contacts_are_drawn_together(tmp_path: Path) -> None:
     assert words.count("palm") == 11
     assert {"0.0 s, 20 scans", "10.0 s, 20 scans", f"peak {one.pressure.max() / 1e3:.3g} kPa"} <= set(words)
     assert any(word.startswith("All 11 learned patterns") for word in words)
+
+
+def test_pictures_of_earlier_methods_are_removed_from_a_result(tmp_path: Path) -> None:
+    older, table = ("views.svg", "path-lnorm.svg", "position-a b.svg", "pattern-a_b-2.png"), tmp_path / "slips.csv"
+    newer, others = ("position-a b.png",), ("path-mine.svg", "positions.svg", "path-lnorm.csv", "views.gif")
+    for name in (*older, *newer, *others):
+        (tmp_path / name).write_text("")
+        os.utime(tmp_path / name, (10.0, 10.0) if name in newer else (1.0, 1.0))
+    table.write_text("")
+    os.utime(table, (5.0, 5.0))
+    made = tmp_path / "path-template.svg"
+    made.write_text("")
+    remove_older(tmp_path, [made], ["a b", "a/b"], ["lnorm", "template"])
+    assert {path.name for path in tmp_path.iterdir()} == {*newer, *others, made.name, table.name}
 
 
 def views() -> Views:

@@ -21,9 +21,9 @@ from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
 
 from taxelflow import Conditioner, Live, SlipMonitor
+from taxelflow.acquire.ros.columns import columns_of
 from taxelflow.acquire.ros.decode import follow
 from taxelflow.acquire.ros.kinds import Kind, kind_of, known_types, ros2_name
-from taxelflow.acquire.ros.open import columns_of
 from taxelflow.errors import NameUnknown, ParameterInvalid, TaxelflowError
 from taxelflow.pipeline.live.loop import update_of
 from taxelflow.publish.sinks.lines import event_row, json_lines
@@ -63,7 +63,8 @@ class SlipNode(Node):  # type: ignore[misc]  # rclpy has no types
     def scan(self, message: Any) -> None:
         """One message."""
         found = [np.asarray(item, np.float64) for path in self._kind.values for item in follow(message, path)]
-        columns = columns_of(self.live.recording.sensor, self._kind, [part.size for part in found])
+        named = follow(message, self._kind.names) if self._kind.names else ()
+        columns = columns_of(self.live.recording.sensor, self._kind, [part.size for part in found], named)
         if columns is None:
             self.get_logger().warning("a message does not fit the sensor and is left out", once=True)
             return

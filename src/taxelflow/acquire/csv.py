@@ -17,6 +17,7 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 
 from taxelflow.acquire.base import Recording
+from taxelflow.acquire.column_pads import check_pads
 from taxelflow.acquire.columns import JOINT, Columns
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_BYTES, BLOCK_SCANS
@@ -67,6 +68,7 @@ def open_csv(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
     if len(taxels) != sensor.channel_map.columns:
         wanted = sensor.channel_map.columns
         raise TaxelCountWrong(path, len(taxels), sensor.name, wanted, fewer_taxels(names, taxels, wanted))
+    check_pads(path, [names[number] for number in taxels], asked, sensor)
     row = next(records, "") if asked.header else first
     iso = time is not None and _has_iso_time(row, delimiter, time)
     table = _Table(path, asked, delimiter, names, time, np.array(taxels), iso)

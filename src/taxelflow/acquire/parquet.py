@@ -1,4 +1,5 @@
-"""`.parquet` recordings: a column with the time and one per taxel, in the structure of `Columns`.
+"""`.parquet` recordings: a column with the time and one per taxel, in the structure of `Columns`, or a column that
+holds a list of all taxels in each row.
 
 Columns named `joint:NAME` hold joint angles in rad.
 Files by `write_parquet` also hold sensor, masked taxels and truth, as JSON texts in the schema's metadata.
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.acquire.base import Recording
+from taxelflow.acquire.column_pads import check_pads
 from taxelflow.acquire.columns import JOINT, SECONDS_PER, Columns
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_SCANS, MOST_ARRAY_BYTES, Budget, check_expansion, scans_per_block
@@ -63,12 +65,10 @@ def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = No
     sensor = sensor or sensor_in(path, texts)
     if sensor is None:
         raise SensorNeeded(path, builtin_sensors())
-    if len(table.taxels) != sensor.channel_map.columns:
-        wanted = sensor.channel_map.columns
-        chosen = [schema.names.index(name) for name in table.taxels]
-        remedy = fewer_taxels(schema.names, chosen, wanted)
-        raise TaxelCountWrong(path, len(chosen), sensor.name, wanted, remedy)
-    check_expansion(path, 8 * scans * (1 + len(table.taxels) + len(table.joints)))
+    table = _fitted(table, schema, sensor)
+    if not table.listed:
+        check_pads(path, table.taxels, asked, sensor)
+    check_expansion(path, 8 * scans * (1 + table.width + len(table.joints)))
     notes = (
         () if asked.rate_hz is None else (f"times computed from the rate of {asked.rate_hz:g} Hz: the log has none",)
     )
@@ -89,7 +89,9 @@ def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = No
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """Names of the columns that are read. seconds: factor from times to s. rate_hz: of a file without times."""
+    """Names of the columns that are read. seconds: factor from times to s. rate_hz: of a file without times.
+    listed: numbers in each row of the one column, a list; 0 where each taxel has a column.
+    """
 
     path: Path
     time: str | None
@@ -97,6 +99,36 @@ class _Table:
     joints: tuple[str, ...]
     seconds: float
     rate_hz: float
+    listed: int = 0
+
+    @property
+    def width(self) -> int:
+        """Numbers of a scan."""
+        return self.listed or len(self.taxels)
+
+
+def _fitted(table: _Table, schema: Any, sensor: Sensor) -> _Table:
+    """Raises TaxelCountWrong where a scan cannot have as many numbers as the sensor."""
+    wanted = sensor.channel_map.columns
+    kind = schema.types[schema.names.index(table.taxels[0])]
+    if _item(_arrow(), kind) is not None:  # of lists without a fixed length, each is checked as it is read
+        length = getattr(kind, "list_size", wanted)
+        if length != wanted:
+            remedy = f"column {table.taxels[0]!r} holds lists of {length}; describe the sensor that sent them"
+            raise TaxelCountWrong(table.path, length, sensor.name, wanted, remedy)
+        return replace(table, listed=wanted)
+    if len(table.taxels) != wanted:
+        chosen = [schema.names.index(name) for name in table.taxels]
+        remedy = fewer_taxels(schema.names, chosen, wanted)
+        raise TaxelCountWrong(table.path, len(chosen), sensor.name, wanted, remedy)
+    return table
+
+
+def _item(arrow: Any, kind: Any) -> Any:
+    """Type of the items of a list; None for another type."""
+    types = arrow.types
+    is_list = types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)
+    return kind.value_type if is_list else None
 
 
 def _table(path: Path, schema: Any, asked: Columns) -> _Table:
@@ -105,8 +137,15 @@ def _table(path: Path, schema: Any, asked: Columns) -> _Table:
     time, taxels = asked.find(path, schema.names)
     angles = [number for number, name in enumerate(schema.names) if name.startswith(JOINT)]
     for number in (*taxels, *angles):
-        if not _numeric(arrow, schema.types[number]):
-            seen = f"column {schema.names[number]!r} holds {schema.types[number]}, not numbers"
+        kind, name = schema.types[number], schema.names[number]
+        item = None if number in angles else _item(arrow, kind)
+        if item is not None and _numeric(arrow, item):
+            if len(taxels) == 1:
+                continue
+            seen = f"column {name!r} holds lists, and there are {len(taxels)} columns of taxels"
+            raise RecordingCorrupt(path, seen, f"choose it alone, with --columns.taxels {name!r}, or leave it out")
+        if not _numeric(arrow, kind):
+            seen = f"column {name!r} holds {kind}, not numbers"
             remedy = "store angles in rad" if number in angles else "choose others with --columns.taxels"
             raise RecordingCorrupt(path, seen, remedy)
     seconds = asked.seconds
@@ -127,7 +166,7 @@ def _joints(table: _Table, asked: Columns, scans: int) -> Joints | None:
         return None
     found: list[RawScans] = []
     with suppress(RecordingError):
-        found.extend(_timed(replace(table, taxels=table.joints), asked, scans, BLOCK_SCANS))
+        found.extend(_timed(replace(table, taxels=table.joints, listed=0), asked, scans, BLOCK_SCANS))
     if not found:
         return None
     held = joined(found)
@@ -173,7 +212,7 @@ def _read(table: _Table, scans: int, block: int) -> Iterator[RawScans]:
             for batch in _batches(file, table.path, columns, block):
                 yield _scans(table, batch, done)
                 done += len(batch)
-    except RecordingTooLarge:
+    except RecordingError:
         raise
     except Exception as error:  # the parser's errors for a damaged file
         raise RecordingTruncated(table.path, done, scans, " ".join(str(error).split())) from error
@@ -203,12 +242,27 @@ def _check_pages(path: Path, pages: Pages, budget: Budget) -> None:
 
 def _scans(table: _Table, batch: Any, done: int) -> RawScans:
     """A batch as scans. done: number of scans before it."""
-    values = np.empty((len(batch), len(table.taxels)))
-    for number, name in enumerate(table.taxels):
-        values[:, number] = _floats(batch.column(name))
+    values = np.empty((len(batch), table.width))
+    if table.listed:
+        values[:] = _listed(table, batch.column(table.taxels[0]), done)
+    else:
+        for number, name in enumerate(table.taxels):
+            values[:, number] = _floats(batch.column(name))
     if table.time is None:
         return RawScans(np.arange(done, done + len(batch)) / table.rate_hz, values)
     return RawScans(_floats(batch.column(table.time)) * table.seconds, values)
+
+
+def _listed(table: _Table, column: Any, done: int) -> Floats:
+    """Lists (rows, listed), NaN where a list or a number is missing. Raises RecordingCorrupt for other lengths."""
+    lengths = np.array(column.value_lengths().to_numpy(zero_copy_only=False), dtype=np.float64)
+    known = np.isfinite(lengths)
+    if (wrong := np.flatnonzero(known & (lengths != table.listed))).size:
+        seen = f"scan {done + wrong[0]} has {lengths[wrong[0]]:.0f} numbers in column {table.taxels[0]!r}"
+        raise RecordingCorrupt(table.path, seen, f"it needs {table.listed} in each row, as many as the sensor has")
+    values: Floats = np.full((len(column), table.listed), np.nan)
+    values[known] = _floats(column.drop_null().flatten()).reshape(-1, table.listed)
+    return values
 
 
 def _floats(column: Any) -> Floats:

@@ -125,13 +125,18 @@ class Plot:
     def run(self, _rest: list[str]) -> int:
         """Draw and name the files."""
         from taxelflow.evaluation.plot import plot_results
+        from taxelflow.publish.figures import remove_older
         from taxelflow.publish.results import read_summary
 
         if not self.results:
             raise ParameterInvalid("results", "nothing", "name at least one directory")
-        for path in plot_results(self.results, self.out or self.results[0], self.format):
+        out, summary = self.out or self.results[0], read_summary(self.results[0])
+        made = plot_results(self.results, out, self.format)
+        for path in made:
             print(path)
-        source = read_summary(self.results[0]).input
+        if self.out is None:
+            remove_older(out, made, summary.layout.layout.pads, registry.names("estimator"))
+        source = summary.input
         if not Path(source).exists():
             print(f"taxelflow: recording {source} not found: truth and pictures of scans are left out", file=sys.stderr)
         return 0

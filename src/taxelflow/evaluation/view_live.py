@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from taxelflow.acquire.devices.foreign import source_of
 from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.view import LiveView
-from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
 
 if TYPE_CHECKING:
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 def view_source(url: str, sensor: Sensor | None, method: str, contacts: str | None, server: PageServer) -> None:
     """Show a live source until it ends. Raises NameUnknown, and what the source raises."""
-    address = parse_address(url)
-    source = registry.find("source", address.scheme)(address, sensor)
+    source = source_of(parse_address(url), sensor)
     live = Live(source.recording, method, contacts=contacts)
     sink = LiveView(live, f"{url}, {method}", server)
     run_live(source, {"view": sink}, live, Limits(), method, sink.watch)

@@ -150,7 +150,7 @@ class Result:
         """Draw what `taxelflow plot` draws into a directory, and return the files.
 
         Truth and scans are drawn where the recording is a file. Raises ResultMissing where no position is known,
-        ExtraMissing.
+        ParameterInvalid, ExtraMissing.
         """
         draw = registry.find("drawing", "results")
         with TemporaryDirectory() as saved:

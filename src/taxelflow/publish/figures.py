@@ -20,7 +20,7 @@ from taxelflow.publish.plots.style import save, styled
 from taxelflow.publish.plots.views import views_figure
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
     from matplotlib.figure import Figure
@@ -91,14 +91,32 @@ def draw_results(pictures: Pictures, out: Path, form: str) -> list[Path]:
     """Draw into the directory `out`, made if it does not exist, as form svg, png or pdf; return the files.
 
     Per pad a `position-PAD` and a `pattern-PAD` if a pattern was learned; per result one `path-METHOD`, at most one
-    `field-METHOD`, and `patterns-METHOD` if several were learned; `views`. Raises ExtraMissing.
+    `field-METHOD`, and `patterns-METHOD` if several were learned; `views`. Raises ParameterInvalid,
+    ExtraMissing.
     """
+    if form not in _FORMATS:
+        raise ParameterInvalid("format", form, f"be {', '.join(_FORMATS[:-1])} or {_FORMATS[-1]}")
     made: list[Path] = []
     with styled():
         out.mkdir(parents=True, exist_ok=True)
         for stem, figure in _figures(pictures):
             made.append(save(figure, _free(out, stem, form, made)))
     return made
+
+
+def remove_older(directory: Path, made: Sequence[Path], pads: Iterable[str], methods: Iterable[str]) -> None:
+    """Remove pictures of a result that `draw_results` made before of other methods, or of its earlier state: those in
+    the format of the ones made now, and in any other if a table of the result is newer.
+    """
+    forms, tables = {path.suffix for path in made}, [path.stat().st_mtime for path in directory.glob("*.csv")]
+    stems = {"views", *(f"{kind}-{pad}" for kind in ("position", "pattern") for pad in pads)}
+    stems |= {f"{kind}-{method}" for kind in ("path", "field", "patterns") for method in methods}
+    safe = "|".join(re.escape(_safe(stem)) for stem in stems)
+    for path in directory.iterdir():
+        if path in made or not re.fullmatch(rf"({safe})(-\d+)?\.({'|'.join(_FORMATS)})", path.name):
+            continue
+        if path.suffix in forms or path.stat().st_mtime < max(tables, default=0.0):
+            path.unlink()
 
 
 def _figures(pictures: Pictures) -> Iterator[tuple[str, Figure]]:
@@ -142,9 +160,12 @@ def draw_sensors(sensors: Sequence[Sensor], out: Path) -> list[Path]:
 
 def _free(out: Path, stem: str, form: str, made: Sequence[Path]) -> Path:
     """A file for a picture: inside `out` whatever the pad's name is, and none of those made before."""
-    safe = re.sub(r"[^\w .,+@=-]", "_", stem)
-    names = (f"{safe}{suffix}.{form}" for suffix in ("", *(f"-{number}" for number in range(2, len(made) + 3))))
+    names = (f"{_safe(stem)}{suffix}.{form}" for suffix in ("", *(f"-{number}" for number in range(2, len(made) + 3))))
     return next(out / name for name in names if out / name not in made)
+
+
+def _safe(stem: str) -> str:
+    return re.sub(r"[^\w .,+@=-]", "_", stem)
 
 
 def strokes_of(t_s: Floats, pose: Floats) -> list[tuple[float, float]]:

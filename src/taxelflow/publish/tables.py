@@ -99,8 +99,7 @@ class Tables:
     def __exit__(self, kind: type[BaseException] | None, *_details: object) -> None:
         with written_at(self.directory):
             self._stack.close()
-        if kind is None:
-            for name in self._files:
+            for name in self._files if kind is None else ():
                 part = self.directory / f"{name}.csv.part"
                 part.replace(part.with_suffix(""))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from taxelflow.errors import ExtraMissing, ParameterInvalid
+from taxelflow.errors import ExtraMissing, ParameterInvalid, written_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -38,8 +38,9 @@ def write_video(frames: Iterable[Frame], path: Path, fps: float) -> int:
     part = path.with_name(f"{path.stem}.part{path.suffix}")  # ffmpeg knows the format by the suffix
     write = _write_gif if path.suffix.lower() == ".gif" else _write_mp4
     try:
-        count = write(frames, part, fps)
-        part.replace(path)
+        with written_at(path):
+            count = write(frames, part, fps)
+            part.replace(path)
     finally:
         part.unlink(missing_ok=True)
     return count

@@ -13,9 +13,13 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from traceback import walk_tb
+from typing import TYPE_CHECKING, Any
 
-from taxelflow.errors import NameUnknown, PluginBroken, TaxelflowError
+from taxelflow.errors import NameUnknown, PluginBroken, PluginFailed, TaxelflowError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 PARTS: dict[str, dict[str, str]] = {
     "reader": {
@@ -153,7 +157,30 @@ def find(stage: str, name: str) -> Any:
 def broken(stage: str, name: str, error: Exception) -> PluginBroken:
     """The error for a part of another package that cannot be used."""
     point = _plugins(stage)[name]
-    return PluginBroken(stage, name, point.value, point.dist.name if point.dist else "?", error)
+    return PluginBroken(stage, name, point.value, _package(point), error)
+
+
+def failed(error: BaseException, words: Sequence[str] = ()) -> PluginFailed | None:
+    """The error that names the part of another package in which an exception arose; None if it arose elsewhere.
+
+    words: of the command line, which name the part that ran where a package has several.
+    """
+    frames = [(frame.f_globals.get("__name__", ""), frame, line) for frame, line in walk_tb(error.__traceback__)][::-1]
+    points = [(stage, point) for stage in PARTS for point in _plugins(stage).values()]
+    packages = {point.module.partition(".")[0] for _, point in points} - {__name__.partition(".")[0]}
+    theirs = [one for one in frames if one[0].partition(".")[0] in packages]
+    if not theirs:
+        return None
+    modules, (module, frame, line) = [name for name, *_ in theirs], theirs[0]
+    alike = [one for one in points if one[1].module.partition(".")[0] == module.partition(".")[0]]
+    stage, point = max(alike, key=lambda one: (any(one[1].name in word for word in words), one[1].module in modules))
+    return PluginFailed(
+        stage, point.name, _package(point), error, f"{Path(frame.f_code.co_filename).name}, line {line}"
+    )
+
+
+def _package(point: EntryPoint) -> str:
+    return point.dist.name if point.dist else "?"
 
 
 def summary(stage: str, name: str) -> str:

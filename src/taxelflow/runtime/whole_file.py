@@ -19,6 +19,6 @@ def whole_file(path: Path) -> Iterator[Path]:
     try:
         with written_at(path):
             yield part
-        part.replace(path)
+            part.replace(path)
     finally:
         part.unlink(missing_ok=True)

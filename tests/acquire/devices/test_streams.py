@@ -178,6 +178,14 @@ def test_the_last_line_of_standard_input_needs_no_newline(tmp_path: Path, monkey
     assert not reports[0].source.faults.counts
 
 
+@pytest.mark.parametrize("line", [b"0.5,1,2,\n", b"0.5, 1, 2, \r\n", b"0.5;1;2;\r", b"0.5,1,2\r", b"0.5\t1\t2\t\n"])
+def test_lines_as_microcontrollers_print_them_are_read(line: bytes) -> None:
+    faults = Faults()
+    parser = LineParser(2, faults, timed=True)
+    ((t_s, values),) = [scan for at in range(len(line)) for scan in parser.feed(line[at : at + 1])]
+    assert (t_s, values.tolist(), dict(faults.counts)) == (0.5, [1.0, 2.0], {})
+
+
 @pytest.mark.parametrize("rest", [b"", b"  \r", b"# the end"])
 def test_what_is_no_line_may_end_a_connection(rest: bytes) -> None:
     faults = Faults()

@@ -106,6 +106,36 @@ def test_a_message_of_another_size_ends_the_recording_after_those_before_it(tmp_
         next(reading)
 
 
+TWO_PADS = """name = "two"
+unit = "kPa"
+[[pads]]
+name = "a"
+rows = 1
+cols = 2
+pitch_m = [0.01, 0.01]
+[[pads]]
+name = "b"
+rows = 3
+cols = 1
+pitch_m = [0.01, 0.01]
+"""
+
+
+@pytest.mark.parametrize("order", ["", 'first = "bottom-left"\n'])
+def test_parts_with_the_names_of_the_pads_are_read_by_them(tmp_path: Path, order: str) -> None:
+    """A publisher may send them in any order, and in another one later."""
+    (tmp_path / "two.toml").write_text(TWO_PADS + order)
+    a, b = [1.0, 2.0], [3.0, 4.0, 5.0]
+    turned: list[Any] = [{"b": b, "a": a}] * 5 + [{"a": a, "b": b}, {"b": b, "a": a}, {"a": a, "b": b}]
+    path = write_bag(tmp_path / "a.bag", {"/t": ("tactile_msgs/msg/TactileState", turned)})
+    sensor = load_sensor(str(tmp_path / "two.toml"))
+    values = np.concatenate([block.values for block in read(path, sensor).blocks()])
+    np.testing.assert_array_equal(values, [[*a, *(b[::-1] if order else b)]] * len(turned))
+    others: list[Any] = [{"x": a, "a": b}] * 5
+    path = write_bag(tmp_path / "b.bag", {"/t": ("tactile_msgs/msg/TactileState", others)})
+    np.testing.assert_array_equal(next(read(path, sensor).blocks()).values[0], [*a, *(b[::-1] if order else b)])
+
+
 def test_an_empty_topic_is_refused(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a.bag", {"/dsa": (SDH, []), "/log": ("std_msgs/msg/String", [["x"]])})
     with pytest.raises(TopicUnclear, match="no topic has messages of a known type"):

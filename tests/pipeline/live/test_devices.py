@@ -176,7 +176,7 @@ def test_a_parser_takes_any_bytes_and_gives_whole_scans_only(name: str, pieces: 
 
 
 @pytest.mark.parametrize(
-    "line", ["0.1,1_0,2", "0.1,0x1,2", "0.1,1", "0.1,1,2,", "nan,1,2", "0.1,\u0661,2", "0.1,1,2\0"]
+    "line", ["0.1,1_0,2", "0.1,0x1,2", "0.1,1", "0.1,1,2,,", "nan,1,2", "0.1,\u0661,2", "0.1,1,2\0"]
 )
 def test_a_line_that_is_no_scan_is_counted(line: str) -> None:
     faults = Faults()

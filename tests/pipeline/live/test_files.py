@@ -57,7 +57,7 @@ def test_a_file_of_a_directory_that_is_read_is_refused_and_a_new_one_is_not(gras
 @pytest.mark.parametrize(
     ("one", "other"),
     [
-        ("jsonl:same.out", "mcap:./same.out"),
+        ("jsonl:same.mcap", "mcap:./same.mcap"),
         ("tables:out", "tables:./out"),
         ("tables:out", "jsonl:out/slips.csv"),
         ("parquet:out", "parquet:out/."),
@@ -72,11 +72,17 @@ def test_sinks_of_several_kinds_may_share_a_directory_and_devices() -> None:
     check_files(opened_sinks(("tables:out", "parquet:out", "jsonl:-", "jsonl:/dev/null", "mcap:/dev/null")))
 
 
+def test_a_log_that_would_not_be_read_by_its_name_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(AddressInvalid, match=r"run.bag does not end in .mcap, by which it would be read"):
+        opened_sinks((f"mcap:{tmp_path}/run.bag",))
+    opened_sinks((f"mcap:{tmp_path}/RUN.MCAP",))
+
+
 @pytest.mark.parametrize("scheme", ["tables", "parquet", "mcap", "jsonl"])
 def test_what_another_run_writes_is_refused(scheme: str, tmp_path: Path) -> None:
     if scheme == "parquet":
         pytest.importorskip("pyarrow.parquet")
-    url = f"{scheme}:{tmp_path / 'out'}"
+    url = f"{scheme}:{tmp_path / 'out.mcap'}"
     (first,), (second,) = opened_sinks((url,)).values(), opened_sinks((url,)).values()
     first.open(HEAD)
     with pytest.raises(SinkUnusable, match="another run writes to it"):

@@ -83,7 +83,7 @@ def test_scans_in_twist_slips_and_events_out(node: Any) -> None:
     scans = slid()
     for t_s, values in zip(scans.t_s.tolist(), scans.values, strict=True):
         stamp = SimpleNamespace(sec=int(t_s), nanosec=round(t_s % 1 * 1e9))
-        channel = SimpleNamespace(values=values)
+        channel = SimpleNamespace(name="", values=values)
         call(SimpleNamespace(header=SimpleNamespace(stamp=stamp), sensors=[channel]))
     assert len(node.published["~/slips"]) == len(scans)
     assert json.loads(node.published["~/slips"][-1].data)["pads"]["pad0"]["contact"] is True
@@ -95,7 +95,7 @@ def test_scans_in_twist_slips_and_events_out(node: Any) -> None:
 
 
 def test_a_message_of_another_size_is_left_out(node: Any) -> None:
-    node.scan(SimpleNamespace(header=SimpleNamespace(stamp=0.0), sensors=[SimpleNamespace(values=[1.0])]))
+    node.scan(SimpleNamespace(header=SimpleNamespace(stamp=0.0), sensors=[SimpleNamespace(name="", values=[1.0])]))
     assert not node.published["~/slips"]
 
 

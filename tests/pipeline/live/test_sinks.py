@@ -109,7 +109,7 @@ def test_a_disk_that_is_full_from_the_start_does_not_hold_up_the_run(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("taxelflow.publish.sinks.patient.os.write", full)
-    sink = registry.find("sink", scheme)(parse_address(f"{scheme}:{tmp_path / 'a'}"))
+    sink = registry.find("sink", scheme)(parse_address(f"{scheme}:{tmp_path / 'a.mcap'}"))
     head = Head(PALM, PALM.layout.pads, {"sensor": "x" * 100_000}, lambda _kind, _seen: None)
     opening = threading.Thread(target=sink.open, args=[head], daemon=True)
     opening.start()
@@ -139,7 +139,7 @@ def test_scans_for_which_a_file_has_no_room_are_dropped_and_not_published(
     monkeypatch.setattr("taxelflow.publish.sinks.patient.os.write", limited)
     monkeypatch.setattr("taxelflow.publish.sinks.patient._RETRY_S", 0.01)
     monkeypatch.setattr(PatientFile, "give_up", lambda file: setattr(file, "_deadline", 0.0))
-    with running("rig:stroke?speed=max", f"{scheme}:{tmp_path}/a") as reports:
+    with running("rig:stroke?speed=max", f"{scheme}:{tmp_path}/a.mcap") as reports:
         pass
     (worker,) = reports[0].workers
     assert worker.published + worker.dropped == 140
@@ -212,7 +212,7 @@ def test_each_scan_is_published_or_dropped_once_where_a_sink_fails(
 
     monkeypatch.setattr(f"{sink.__module__}.{'McapSink' if scheme == 'mcap' else 'JsonFile'}.write", failing)
     with running(
-        "rig:stroke?speed=max", f"{scheme}:{tmp_path}/a", f"jsonl-listen://127.0.0.1:{free_port()}"
+        "rig:stroke?speed=max", f"{scheme}:{tmp_path}/a.mcap", f"jsonl-listen://127.0.0.1:{free_port()}"
     ) as reports:
         pass
     worker = reports[0].workers[0]

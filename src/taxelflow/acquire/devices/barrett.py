@@ -1,12 +1,14 @@
-"""BarrettHand BH8-280 by CAN: `barrett-can:CHANNEL?interface=socketcan`.
+"""BarrettHand BH8-280 by CAN: `barrett-can:CHANNEL?interface=socketcan&rate=40`.
 
-Each of four pucks (11 to 13: fingers, 14: palm) sends 24 readings in five frames of 12-bit numbers, in 1/256 N/cm2.
-The protocol is that of RCPRG-ros-pkg/barrett_hand. Tested against an emulator only.
+Each of four pucks (11 to 13: fingers, 14: palm) answers a request with 24 readings in five frames of 12-bit numbers, in
+1/256 N/cm2. The protocol is that of RCPRG-ros-pkg/barrett_hand and libbarrett, which ask for each scan. Tested against
+an emulator only.
 """
 
 from __future__ import annotations
 
 import struct
+import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +33,8 @@ _TACT, _FULL = 106, 2
 """The pucks' property TACT, and its value that asks for full readings."""
 _GROUP = 9
 """CAN group to which pucks send full readings."""
+_RATE = 40.0
+"""Default scans/s."""
 CAN_FRAME = struct.Struct(">H8s")
 """A frame as the transport passes it on: its identifier and its 8 bytes."""
 
@@ -50,6 +54,11 @@ def frames_of(puck: int, readings: Floats) -> bytes:
 def ask(puck: int) -> tuple[int, bytes]:
     """Identifier and bytes of the message that asks a puck for full readings."""
     return puck, struct.pack("<BBi", 0x80 | _TACT, 0, _FULL)
+
+
+def _puck_of(identifier: int) -> int:
+    """The puck whose readings a frame carries; 0 for another frame."""
+    return identifier >> 5 & 0x1F if identifier & 0x41F == 0x400 | _GROUP else 0
 
 
 class BarrettParser:
@@ -73,8 +82,8 @@ class BarrettParser:
         """See `Parser`: whole frames by `CAN_FRAME`."""
         scans: list[tuple[float | None, Floats]] = []
         for identifier, content in CAN_FRAME.iter_unpack(received[: len(received) // CAN_FRAME.size * CAN_FRAME.size]):
-            puck = identifier >> 5 & 0x1F
-            if identifier & 0x41F != 0x400 | _GROUP or puck not in PUCKS:
+            puck = _puck_of(identifier)
+            if puck not in PUCKS:
                 continue
             readings = self._joined(puck, int.from_bytes(content, "big"))
             if readings is None:
@@ -109,19 +118,23 @@ class BarrettParser:
 
 
 class CanBus:
-    """A bus of python-can that asks the pucks for readings when it has opened."""
+    """A bus of python-can. The pucks are asked for the next scan when its time has come and the last one is there, or
+    late.
+    """
 
     patient = False
     timeout_s = TIMEOUT_S
 
-    def __init__(self, interface: str, channel: str) -> None:
+    def __init__(self, interface: str, channel: str, rate_hz: float = _RATE) -> None:
         try:
             import can
         except ImportError as error:
             raise ExtraMissing("devices", "python-can") from error
         self._can: Any = can
-        self._interface, self._channel = interface, channel
+        self._interface, self._channel, self._period_s = interface, channel, 1 / rate_hz
         self._bus: Any = None
+        self._asked_s = self._due_s = float("-inf")
+        self._left = 0
 
     def listen(self) -> None:
         """Nothing waits for a peer."""
@@ -130,11 +143,9 @@ class CanBus:
         """See `Transport`."""
         try:
             self._bus = self._can.Bus(interface=self._interface, channel=self._channel)
-            for puck in PUCKS:
-                identifier, content = ask(puck)
-                self.send(identifier, content)
         except (self._can.CanError, NotImplementedError, ValueError) as error:
             raise OSError(str(error)) from error
+        self._due_s = float("-inf")
         return True
 
     def send(self, identifier: int, content: bytes) -> None:
@@ -143,17 +154,33 @@ class CanBus:
 
     def receive(self) -> bytes:
         """See `Transport`."""
+        if time.monotonic() >= self._due_s:
+            self._ask()
         try:
-            message = self._bus.recv(POLL_S)
+            message = self._bus.recv(min(max(self._due_s - time.monotonic(), 0.0), POLL_S))
         except self._can.CanError as error:
             raise OSError(str(error)) from error
         if message is None or len(message.data) != 8:
             return b""
+        if _puck_of(message.arbitration_id) in PUCKS:
+            self._left -= 1
+            if not self._left:
+                self._due_s = self._asked_s + self._period_s
         return CAN_FRAME.pack(message.arbitration_id & 0xFFFF, bytes(message.data))
 
-    def asked(self) -> bool:
+    def _ask(self) -> None:
+        try:
+            for puck in PUCKS:
+                identifier, content = ask(puck)
+                self.send(identifier, content)
+        except self._can.CanError as error:
+            raise OSError(str(error)) from error
+        self._asked_s, self._left = time.monotonic(), FRAMES * len(PUCKS)
+        self._due_s = self._asked_s + max(POLL_S, self._period_s)
+
+    def asked(self, wait_s: float = POLL_S) -> bool:
         """Whether a puck has been asked for readings, as an emulated one waits for."""
-        message = self._bus.recv(POLL_S)
+        message = self._bus.recv(wait_s)
         return message is not None and message.arbitration_id in PUCKS
 
     def close(self) -> None:
@@ -168,9 +195,9 @@ class CanBus:
 
 
 def connect(address: Address, sensor: Sensor | None) -> ByteSource:
-    """`barrett-can:CHANNEL?interface=socketcan`. Raises AddressInvalid, ExtraMissing."""
-    address.check_options((*STREAM_OPTIONS, "interface"))
+    """`barrett-can:CHANNEL?interface=socketcan&rate=40`. Raises AddressInvalid, ExtraMissing."""
+    address.check_options((*STREAM_OPTIONS, "interface", "rate"))
     channel = address.need_path("barrett-can:can0")
     sensor, faults = sensor or load_sensor("barretthand-bh280-96"), Faults()
-    bus = CanBus(address.options.get("interface", "socketcan"), channel)
+    bus = CanBus(address.options.get("interface", "socketcan"), channel, address.number("rate", _RATE, 0.1))
     return ByteSource(address, sensor, bus, BarrettParser(faults), faults)

@@ -14,9 +14,9 @@ import numpy as np
 from taxelflow.acquire.devices.base import POLL_S, Faults
 from taxelflow.acquire.devices.rosbridge import asked_kind
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource, need_sensor
+from taxelflow.acquire.ros.columns import columns_of
 from taxelflow.acquire.ros.decode import Decoder, store_of
 from taxelflow.acquire.ros.kinds import Kind, ros2_name
-from taxelflow.acquire.ros.open import columns_of
 from taxelflow.acquire.ros.topics import Topic
 from taxelflow.errors import AddressInvalid, ExtraMissing
 
@@ -138,11 +138,11 @@ class CdrParser:
     def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
         """See `Parser`."""
         try:
-            t_s, parts = self._decoder.one(received)
+            (t_s, parts), named = self._decoder.one(received), self._decoder.part_names(received)
         except Exception as error:  # the parser's errors for a damaged message
             self._faults.count("bad message", f"{type(error).__name__}: {error}")
             return []
-        columns = columns_of(self._sensor, self._kind, [len(part) for part in parts])
+        columns = columns_of(self._sensor, self._kind, [len(part) for part in parts], named)
         if columns is None:
             seen = sum(map(len, parts))
             self._faults.count("bad message", f"{seen} values do not fit sensor {self._sensor.name!r}")

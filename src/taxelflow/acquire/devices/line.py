@@ -22,7 +22,7 @@ class LineParser:
     """Lines `t_s,v1,...,vn`, or `v1,...,vn` if the device sends no time.
 
     Fields stand between commas, semicolons, tabs or blanks; an empty field between commas, or `nan`, is a missing
-    reading. Lines that begin with # are comments.
+    reading. Lines end with a newline or a carriage return; those that begin with # are comments.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class LineParser:
 
     def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
         """See `Parser`."""
-        *lines, self._rest = (self._rest + received).split(b"\n")
+        *lines, self._rest = (self._rest + received.replace(b"\r", b"\n")).split(b"\n")
         if self._skips and lines:
             self._skips = False
             del lines[0]
@@ -90,6 +90,8 @@ class LineParser:
         fields = line.translate(_SEPARATORS).split(b",")
         if len(fields) == 1 != wanted:
             fields = line.split()
+        if len(fields) == wanted + 1 and not fields[-1].strip():  # a comma after each number, the last one as well
+            fields.pop()
         if len(fields) != wanted:
             form = "time and readings" if self._timed else "readings"
             hint = "; for lines without time: ?time=arrival" if self._timed and len(fields) == self._columns else ""

@@ -7,6 +7,7 @@ to the configuration file of liblsl.
 
 from __future__ import annotations
 
+import time
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,8 @@ _HELD_S = 10
 """s of scans that LSL holds for a reader that is behind."""
 _MOST_SAMPLES = 256
 """Scans that are read at once, at most."""
+_LINGER_S, _LOOK_S = 0.5, 0.02
+"""Time that an outlet with readers stays after its last sample, and between two looks whether there are any."""
 
 
 @cache
@@ -54,6 +57,15 @@ def pylsl(address: Address) -> Any:
     if _scope.setdefault("scope", scope) != scope:
         raise AddressInvalid(address.url, f"scope={scope}", f"all LSL addresses the same: {_scope['scope']} is in use")
     return library
+
+
+def linger(*outlets: Any) -> None:
+    """Give outlets time before they are closed: threads of theirs send, no call waits for these, and what they have
+    not sent by then is lost.
+    """
+    until = time.monotonic() + _LINGER_S
+    while time.monotonic() < until and any(outlet.have_consumers() for outlet in outlets):
+        time.sleep(_LOOK_S)
 
 
 class Inlet:

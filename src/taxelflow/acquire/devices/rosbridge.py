@@ -15,9 +15,9 @@ import numpy as np
 from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, need_sensor
 from taxelflow.acquire.devices.websocket import WebSocket
+from taxelflow.acquire.ros.columns import columns_of
 from taxelflow.acquire.ros.decode import follow
 from taxelflow.acquire.ros.kinds import kind_of, known_types
-from taxelflow.acquire.ros.open import columns_of
 from taxelflow.errors import AddressInvalid
 from taxelflow.runtime.endpoints import authority
 
@@ -65,7 +65,8 @@ class RosbridgeParser:
         """Time and values. Raises ValueError, and KeyError for a message of another type."""
         found = [_numbers(item) for path in kind.values for item in follow(message, path)]
         parts = found if found and found[0].ndim else [np.array(found, np.float64)]
-        columns = columns_of(self._sensor, kind, [len(part) for part in parts])
+        named = [str(name) for name in follow(message, kind.names)] if kind.names else ()
+        columns = columns_of(self._sensor, kind, [len(part) for part in parts], named)
         if columns is None:
             raise ValueError(f"{sum(map(len, parts))} values do not fit sensor {self._sensor.name!r}")
         t_s = _seconds(follow(message, kind.stamp)[0]) if kind.stamp and self._timed else None

@@ -77,7 +77,7 @@ class ByteSource:
             except OSError as error:
                 if error.errno == errno.EADDRINUSE:
                     raise PortTaken(self._address.url, self._address.port) from error
-                raise SourceUnreachable(self._address.url, _words(error), 0.0, "check the address") from error
+                raise SourceUnreachable(self._address.url, words(error), 0.0, "check the address") from error
             self._open = self._first_open()
             opening.pop_all()
         return self
@@ -90,8 +90,8 @@ class ByteSource:
                 return self._transport.open()
             except OSError as error:
                 if time.monotonic() - began >= self._wait_s:
-                    raise SourceUnreachable(self._address.url, _words(error), self._wait_s) from error
-                self.faults.count("cannot connect", f"{_words(error)}; trying again")
+                    raise SourceUnreachable(self._address.url, words(error), self._wait_s) from error
+                self.faults.count("cannot connect", f"{words(error)}; trying again")
                 for _ in backoff.pause():
                     pass
 
@@ -107,7 +107,7 @@ class ByteSource:
                     yield None
                     continue
             except OSError as error:
-                self.faults.count("cannot connect", f"{_words(error)}; trying again")
+                self.faults.count("cannot connect", f"{words(error)}; trying again")
                 yield from backoff.pause()
                 continue
             try:
@@ -121,7 +121,7 @@ class ByteSource:
                     return
             except OSError as error:
                 if not self._lost:  # else the silence goes on: nothing has come since the loss was reported
-                    self.faults.report("connection lost", f"{_words(error)}; connecting again")
+                    self.faults.report("connection lost", f"{words(error)}; connecting again")
                 self._open, self._lost = False, True
                 self._transport.close()
                 self._parser.restart()
@@ -181,5 +181,6 @@ def parser_of(
     return LineParser(columns, faults, timed=timed, joins_late=joins_late, ends_cut=ends_cut, unit_s=SECONDS_PER[unit])
 
 
-def _words(error: OSError) -> str:
+def words(error: OSError) -> str:
+    """What an error of the system says, without its number."""
     return error.strerror or str(error) or type(error).__name__

@@ -55,6 +55,12 @@ class Decoder:
             parts[0].tolist() if parts else [],
         )
 
+    def part_names(self, content: bytes) -> tuple[str, ...]:
+        """Names of the parts, where the kind of message has any."""
+        if not self._kind.names:
+            return ()
+        return tuple(map(str, follow(self._read(memoryview(content), self._type), self._kind.names)))
+
     def block(self, contents: Sequence[bytes]) -> tuple[Floats, Floats] | None:
         """Stamps (messages,) and readings (messages, cells); None if the messages differ in their binary form."""
         if self._form is None or not self._form.fits(contents):

@@ -22,6 +22,8 @@ class Kind:
     values: tuple[str, ...]
     """Paths of the fields that hold the readings, pad by pad: a dot enters a field, `[]` iterates over a list, commas
     separate fields that are all read."""
+    names: str = ""
+    """Path of the parts' names: where they are those of the sensor's pads, they give the order."""
     stamp: str = ""
     """Path of the time: a ROS time, or a number in s. Empty: the message has none."""
     sensors: tuple[str, ...] = ()
@@ -70,6 +72,7 @@ KINDS = (
     Kind(
         types=("schunk_sdh/msg/PressureArrayList",),
         values=("pressure_list[].pressure",),
+        names="pressure_list[].sensor_name",
         stamp="header.stamp",
         sensors=("schunk-sdh2",),
         unit="Pa",
@@ -87,6 +90,7 @@ KINDS = (
     Kind(
         types=("tactile_msgs/msg/TactileState",),
         values=("sensors[].values",),
+        names="sensors[].name",
         stamp="header.stamp",
         definition="std_msgs/Header header\nsensor_msgs/ChannelFloat32[] sensors\n",
     ),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from taxelflow.acquire.base import Recording
 from taxelflow.acquire.blocks import in_blocks
 from taxelflow.acquire.limits import scans_per_block
 from taxelflow.acquire.metadata import joints_text_in, masked_in, sensor_in, truth_in
+from taxelflow.acquire.ros.columns import columns_of
 from taxelflow.acquire.ros.decode import Decoder
 from taxelflow.acquire.ros.joint_states import joints_in
 from taxelflow.acquire.ros.kinds import SCAN
@@ -33,10 +34,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
     from taxelflow.acquire.ros.kinds import Kind
     from taxelflow.acquire.ros.topics import Source, Topic
+    from taxelflow.sensors.layout import Indices
     from taxelflow.sensors.sensor import Sensor
 
 _REMEDY = "give a ROS 1 bag (.bag), a ROS 2 bag (its directory, or a .db3 of it) or an .mcap file"
@@ -59,14 +59,13 @@ def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Rec
     except Exception as error:  # the parsers' errors for a file that is no bag
         remedy = "read one of its .mcap or .db3 files alone" if path.is_dir() else _REMEDY
         raise RecordingCorrupt(path, seen(error), remedy) from error
-    received_s, stamps_s, parts = _probe(path, source, chosen, decoder)
+    received_s, stamps_s, parts, named = _probe(path, source, chosen, decoder)
     cells = [len(part) for part in parts]
     sensor = sensor or sensor_in(path, source.metadata) or _sensor(path, kind, cells)
-    columns = columns_of(sensor, kind, cells)
-    if columns is None:
+    if columns_of(sensor, kind, cells, named) is None:
         raise TaxelCountWrong(path, sum(cells), sensor.name, sensor.channel_map.columns)
     doubt = "" if kind is SCAN else _stamp_error(stamps_s, received_s)
-    reader = _Reader(path, source, chosen, decoder, columns, sum(cells), not doubt, scans_per_block(sensor))
+    reader = _Reader(path, source, chosen, decoder, sensor, kind, cells, not doubt, scans_per_block(sensor))
     notes = [f"{doubt}: times are those of receipt"] if doubt else []
     notes += [kind.note] if kind.note else []
     return Recording(
@@ -87,15 +86,20 @@ def _format(path: Path, topic: Topic) -> str:
     return f"{name}, {topic.name}"
 
 
-def _probe(path: Path, source: Source, topic: Topic, decoder: Decoder) -> tuple[Floats, Floats, list[Floats]]:
-    """Times of receipt and stamps (messages,) of the first messages, and the readings of the first one per part."""
+def _probe(
+    path: Path, source: Source, topic: Topic, decoder: Decoder
+) -> tuple[Floats, Floats, list[Floats], tuple[str, ...]]:
+    """Times of receipt and stamps (messages,) of the first messages, and of the first one the readings per part, and
+    the parts' names.
+    """
     received_s: list[float] = []
     stamps: list[float] = []
     first: list[Floats] = []
+    named: tuple[str, ...] = ()
     try:
         for received_ns, content in islice(source.messages(topic), _PROBED):
             stamp, parts = _decoded(path, len(stamps), decoder, content)
-            first = first or parts
+            first, named = first or parts, named or decoder.part_names(content)
             received_s.append(received_ns * 1e-9)
             stamps.append(stamp)
     except (RecordingTruncated, RecordingCorrupt) as error:
@@ -103,7 +107,7 @@ def _probe(path: Path, source: Source, topic: Topic, decoder: Decoder) -> tuple[
             raise RecordingCorrupt(path, f"no message of {topic.name} is readable: {error}", _REMEDY) from error
     if not stamps:
         raise RecordingCorrupt(path, f"topic {topic.name} holds no messages", "record it again, or choose another")
-    return np.array(received_s), np.array(stamps), first
+    return np.array(received_s), np.array(stamps), first, named
 
 
 def _decoded(path: Path, number: int, decoder: Decoder, content: bytes) -> tuple[float, list[Floats]]:
@@ -130,38 +134,6 @@ def _in_unit(sensor: Sensor, kind: Kind) -> Sensor:
     return msgspec.structs.replace(sensor, unit=kind.unit, scale_pa=None, full_scale=full)
 
 
-def columns_of(sensor: Sensor, kind: Kind, cells: list[int]) -> NDArray[np.int64] | None:
-    """(columns,): cell of the message that each taxel of the sensor is read from; None if they do not match.
-
-    cells: number of cells per part. A message may also contain the cells of grids without a taxel.
-    """
-    layout, channel_map = sensor.layout, sensor.channel_map
-    if not channel_map.identity:
-        return np.arange(channel_map.columns) if sum(cells) == channel_map.columns else None
-    own = [layout.of_pad(pad) for pad in range(layout.pad_count)]
-    order = list(range(layout.pad_count))
-    if kind.pads and set(kind.pads) == set(layout.pads[: layout.pad_count]):
-        order = [layout.pads.index(name) for name in kind.pads]
-    grids = zip(layout.shapes, layout.tables, own, strict=False)
-    all_cells = [one.stop - one.start if table else rows * cols for (rows, cols), table, one in grids]
-    if sum(cells) == layout.taxels:
-        cell_of = [np.arange(one.stop - one.start) for one in own]
-        sizes = [len(one) for one in cell_of]
-    elif sum(cells) == sum(all_cells):
-        cell_of = [layout.row[one] * layout.shapes[pad][1] + layout.col[one] for pad, one in enumerate(own)]
-        sizes = all_cells
-    else:
-        return None
-    if len(cells) == len(order) and cells != [sizes[pad] for pad in order]:
-        return None
-    columns = np.zeros(layout.taxels, dtype=np.int64)
-    start = 0
-    for pad in order:
-        columns[own[pad]] = start + cell_of[pad]
-        start += sizes[pad]
-    return columns
-
-
 def _stamp_error(stamps_s: Floats, received_s: Floats) -> str:
     """Why the stamps in the messages are not used; empty if they are."""
     if np.isnan(stamps_s).all():
@@ -184,25 +156,27 @@ def _stamp_error(stamps_s: Floats, received_s: Floats) -> str:
 class _Reader:
     """Decodes messages to scans, block by block.
 
-    columns: (taxels,), cell of a message that each taxel is read from. cells: number of cells in a message.
-    use_stamps: times are the stamps in the messages, not those of receipt. block_scans: of a block, at most.
+    cells: numbers of a message, per part. use_stamps: times are the stamps in the messages, not those of receipt.
+    block_scans: of a block, at most.
     """
 
     path: Path
     source: Source
     topic: Topic
     decoder: Decoder
-    columns: NDArray[np.int64]
-    cells: int
+    sensor: Sensor
+    kind: Kind
+    cells: list[int]
     use_stamps: bool
     block_scans: int
+    _known: dict[tuple[tuple[int, ...], tuple[str, ...]], Indices | None] = field(default_factory=dict)
 
     def blocks(self) -> Iterator[RawScans]:
         """Blocks from the start. A message that cannot be read raises after the scans before it."""
         done = 0
 
         def weight(item: tuple[int, bytes]) -> int:
-            return len(item[1]) + 8 * self.cells
+            return len(item[1]) + 8 * sum(self.cells)
 
         for block in in_blocks(self.source.messages(self.topic), list, weight, self.block_scans):
             yield from self._scans(block, done)
@@ -213,7 +187,9 @@ class _Reader:
         contents = [content for _, content in block]
         uniform = self._uniform(contents)
         if uniform is not None:
-            yield self._in_order(received_s, *uniform)
+            stamps_s, values = uniform
+            columns = self._columns(tuple(self.cells), self.decoder.part_names(contents[0]))
+            yield self._scans_at(received_s, stamps_s, values if columns is None else values[:, columns])
             return
         stamps: list[float] = []
         rows: list[Any] = []
@@ -222,16 +198,18 @@ class _Reader:
             try:
                 stamp, parts = _decoded(self.path, number, self.decoder, content)
                 found = sum(map(len, parts))
-                if found != self.cells:
-                    seen_here = f"message {number} has {found} values, the first one {self.cells}"
+                if found != sum(self.cells):
+                    seen_here = f"message {number} has {found} values, the first one {sum(self.cells)}"
                     raise RecordingCorrupt(self.path, seen_here, "record each sensor on a topic of its own")
             except RecordingCorrupt as error:
                 fault = error
                 break
             stamps.append(stamp)
-            rows.append(np.concatenate(parts) if parts else np.zeros(0))
+            row = np.concatenate(parts) if parts else np.zeros(0)
+            columns = self._columns(tuple(map(len, parts)), self.decoder.part_names(content))
+            rows.append(row if columns is None else row[columns])
         if rows:
-            yield self._in_order(received_s[: len(rows)], np.array(stamps), np.array(rows))
+            yield self._scans_at(received_s[: len(rows)], np.array(stamps), np.array(rows))
         if fault is not None:
             raise fault
 
@@ -241,9 +219,20 @@ class _Reader:
             found = self.decoder.block(contents)
         except Exception:  # a damaged message: decoding one by one finds which
             return None
-        return found if found is not None and found[1].shape[1] == self.cells else None
+        return found if found is not None and found[1].shape[1] == sum(self.cells) else None
 
-    def _in_order(self, received_s: Floats, stamps_s: Floats, values: Floats) -> RawScans:
-        """Scans in the order of the sensor's taxels."""
-        identity = np.array_equal(self.columns, np.arange(self.cells))
-        return RawScans(stamps_s if self.use_stamps else received_s, values if identity else values[:, self.columns])
+    def _columns(self, cells: tuple[int, ...], named: tuple[str, ...]) -> Indices | None:
+        """Which numbers of messages with these parts are read; None for all in their order. A publisher may change the
+        order of named parts.
+        """
+        if (cells, named) not in self._known:
+            columns = columns_of(self.sensor, self.kind, cells, named)
+            if columns is None:  # the parts are divided in another way than in the first message
+                columns = columns_of(self.sensor, self.kind, self.cells)
+            in_order = columns is None or np.array_equal(columns, np.arange(sum(cells)))
+            self._known[cells, named] = None if in_order else columns
+        return self._known[cells, named]
+
+    def _scans_at(self, received_s: Floats, stamps_s: Floats, values: Floats) -> RawScans:
+        """Scans at the times that are used."""
+        return RawScans(stamps_s if self.use_stamps else received_s, values)

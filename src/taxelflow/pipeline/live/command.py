@@ -73,12 +73,11 @@ class FromSource:
 
     def opened(self) -> Source:
         """The source. Raises NameUnknown, AddressInvalid, SensorNeeded, and what its device raises."""
+        from taxelflow.acquire.devices.foreign import source_of
         from taxelflow.sensors.catalogue import load_sensor
 
         address = parse_address(self.source, f"replay:{self.source} for a recording")
-        make = registry.find("source", address.scheme)
-        made: Source = make(address, None if self.sensor is None else load_sensor(self.sensor))
-        return made
+        return source_of(address, None if self.sensor is None else load_sensor(self.sensor))
 
     @property
     def limits(self) -> Limits:
@@ -156,7 +155,7 @@ class Record(FromSource):
         from taxelflow.pipeline.live.mcap_sink import McapSink
         from taxelflow.pipeline.live.status import StatusScreen
 
-        if self.out.suffix != ".mcap":
+        if self.out.suffix.lower() != ".mcap":
             raise ParameterInvalid("out", str(self.out), "end in .mcap")
         sinks, source = {str(self.out): McapSink(self.out, drawn=False)}, self.opened()
         check_files(sinks, source)

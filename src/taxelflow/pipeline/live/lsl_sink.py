@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from taxelflow.acquire.devices.lsl import pylsl
+from taxelflow.acquire.devices.lsl import linger, pylsl
 from taxelflow.publish.sinks.base import ResultSink
 from taxelflow.publish.sinks.lines import event_row
 from taxelflow.publish.tables import OBJECT, motion_columns
@@ -59,6 +59,7 @@ class LslSink(ResultSink):
 
     def close(self, _ending: Ending) -> None:
         """See `Sink`."""
+        linger(self._motion, self._events)
         del self._motion, self._events
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from taxelflow.acquire.ros.write import McapScans
-from taxelflow.errors import ExtraMissing
+from taxelflow.errors import AddressInvalid, ExtraMissing
 from taxelflow.numerics.clock import nanoseconds
 from taxelflow.pipeline.live.adoptions import ADOPTIONS, MISSED
 from taxelflow.publish.sinks.foxglove_messages import Drawing
@@ -171,4 +171,9 @@ class McapSink:
 def write(address: Address) -> McapSink:
     """`mcap:FILE`; `?draw=0` leaves out the pictures for Foxglove. Raises AddressInvalid."""
     address.check_options(("draw",))
-    return McapSink(address.file_path("mcap:FILE"), drawn=address.choice("draw", ("1", "0")) == "1")
+    path = address.file_path("mcap:FILE")
+    if path.suffix.lower() != ".mcap" and (path.is_file() or not path.exists()):  # and no pipe or device
+        raise AddressInvalid(
+            address.url, f"{path.name} does not end in .mcap, by which it would be read", "mcap:FILE.mcap"
+        )
+    return McapSink(path, drawn=address.choice("draw", ("1", "0")) == "1")

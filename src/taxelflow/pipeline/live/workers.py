@@ -151,7 +151,7 @@ class SinkWorker(threading.Thread):
             self._waiting.clear()
         try:
             self.sink.close(self._closing or Ending(None, ()))
-        except OSError as error:
+        except Exception as error:
             if not isinstance(error, BrokenPipeError):
                 self._faults.report("a sink cannot be closed", f"{self.label}: {error}")
 

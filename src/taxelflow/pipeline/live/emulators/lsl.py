@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.acquire.devices.lsl import pylsl
+from taxelflow.acquire.devices.lsl import linger, pylsl
 
 if TYPE_CHECKING:
     from typing import Self
@@ -36,6 +36,8 @@ class Lsl:
         return self
 
     def __exit__(self, *_details: object) -> None:
+        if self._outlet is not None:
+            linger(self._outlet)
         self._outlet = None
 
     def wait(self) -> None:
