@@ -3,6 +3,7 @@
 A pose that is not `ok` may move by tilt, rolling or growth alone. Its slip begins once the pattern is not against it.
 A stream, which knows the pattern's change 0.2 s late, does not wait for it where a method has only the border for a
 reason: there the pose decides, unless the slip began so long before it was detected that its pattern has shown it.
+Nor does any slip by the pose begin that a load which shifts over an object at rest explains as well (`ShiftingLoad`).
 
 A group has a part of its pad's contact. Load that moves over the border of the group looks like motion of that part, so
 where the whole contact rests, and its pose is `ok`, the part does not slip.
@@ -32,12 +33,13 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True, eq=False)
 class Posed:
     """Slips by the poses of some scans. slipping: (scans, pads), by the pose of each pad, with events in time order.
-    agreed: (scans, pads), by facing pads together.
+    agreed: (scans, pads), by facing pads together. consents: (scans, pads), see `ShiftingLoad.step`.
     """
 
     slipping: Bools
     events: list[Event]
     agreed: Bools
+    consents: Bools
 
 
 def pads_of_groups(layout: Layout) -> NDArray[np.int64]:
@@ -156,11 +158,12 @@ class Verdict:
             slips.contact,
             odds.restless,
             self._sure(slips),
-            self._vague(slips, events),
+            self._vague(slips, events) | ~posed.consents,
         )
+        soon = np.where(posed.consents, odds.soon, -np.inf)
         last, last_by_odds = self._slipping, self._by_odds
         decide_ = decide_block if is_block(len(slips), decide) else decide
-        changes = decide_(flags, self._whole, (odds.log_odds, odds.soon), last, last_by_odds, final, by_odds)
+        changes = decide_(flags, self._whole, (odds.log_odds, soon), last, last_by_odds, final, by_odds)
         self._slipping, self._by_odds = final[-1:], by_odds[-1:]
         if not events and not changes:
             return final, []

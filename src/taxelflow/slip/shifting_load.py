@@ -1,0 +1,191 @@
+"""Slips by the pose that a load which shifts over an object at rest explains as well.
+
+Where a hand pulls, swings or rocks an object, its load wanders, and so does every pose that is learned from pressure:
+by more than a covariance by noise and faults of the taxels holds. So on a sensor with an `unseen_error` a slip by the
+pose needs one of two witnesses:
+
+- the contact was still before it began: its pattern had not changed at a steady load by more than noise and creep;
+- the pattern from before it began explains the present one clearly better as a slide than at rest (`rest_or_slide`).
+
+Otherwise the slip is suspected. What is compared is the interval since the slip began: the longer the way, the clearer
+the decision. An object that rolls brings new parts of itself into contact; where less than half of the load is still on
+taxels that were loaded before, the interval begins anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.slip.pattern_change import BEFORE_BINS, BIN_S
+from taxelflow.slip.rest_or_slide import Skin, shared
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Bools, Event, Floats, Slips
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.slip.pattern_change import Bin, PatternChanges
+
+_CLEARLY = 1.5
+"""Times as much as a slide that rest must leave of a pattern."""
+_HISTORY_S = 2.5
+"""Time before a slip that is remembered: the onset detector looks back 2 s."""
+_STILL_BINS, _STIRRED = 6, 0.25
+"""A contact was still if of at least this many bins at a steady load at most this share was stirred: see `restless`."""
+_WINDOW_S = 3 * BIN_S
+"""From the first scan of a bin to the end of those after it."""
+_SAME = 0.5
+"""Share of the load that must be on taxels that were loaded before, for two patterns to be compared."""
+
+
+@dataclass(slots=True, eq=False)
+class _Pattern:
+    """Mean of some bins on one pad: (taxels,), its scans, and the path of the pose there, (2,), m."""
+
+    pressure: Floats
+    scans: int
+    path_m: Floats
+
+
+@dataclass(slots=True, eq=False)
+class _Claim:
+    """A slip by the pose. still: whether the contact was still before. before: the pattern that its interval begins
+    with; None if there was none.
+    """
+
+    onset_s: float
+    still: bool
+    consents: bool = False
+    before: _Pattern | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """A bin, and the path of the poses up to it, (pads, 2), m."""
+
+    bin: Bin
+    path_m: Floats
+
+
+class ShiftingLoad:
+    """Follows the slips by the pose of all pads."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout, self._numbers = layout, {name: number for number, name in enumerate(layout.pads)}
+        self._doubts = layout.unseen_error > 0.0
+        count = len(layout.pads)
+        self._skins: list[Skin | None] = [None] * count
+        self._claims: dict[int, _Claim] = {}
+        self._ended: dict[int, _Claim] = {}
+        self._coming: list[Bin] = []  # of scans that `step` has not reached
+        self._seen: list[_Seen] = []
+        self._stirred: list[tuple[float, Floats]] = []  # first time of a bin, and (pads,) of it
+        self._path_m = np.zeros((count, 2))
+        self._consents = np.ones((1, count), dtype=np.bool_)
+
+    def step(self, slips: Slips, events: list[Event], changes: PatternChanges, completed: list[Bin]) -> Bools:
+        """(scans, pads), whether the pattern consents to a slip by the pose that goes on.
+
+        events: by the pose, of these scans, in time order. changes: of these scans. completed: bins since the last
+        call, which may be of later scans.
+        """
+        if not self._doubts:
+            return np.ones(slips.contact.shape, dtype=np.bool_)
+        self._coming += completed
+        found = np.empty(slips.contact.shape, dtype=np.bool_)
+        begun = [event for event in events if event.event in ("slip_start", "slip_stop", "release")]
+        done = 0
+        for scan, t_s in enumerate(slips.t_s.tolist()):
+            self._path_m = self._path_m + np.nan_to_num(slips.displacement[scan, :, :2])
+            if np.isfinite(changes.centre_s[scan]):
+                self._stirred.append((float(changes.centre_s[scan]), changes.stirred[scan]))
+            while done < len(begun) and begun[done].t_s <= t_s:
+                self._change(begun[done])
+                done += 1
+            while self._coming and self._coming[0].until_s <= t_s:
+                self._judge(_Seen(self._coming.pop(0), self._path_m))
+            found[scan] = self._consents
+        return found
+
+    def _change(self, event: Event) -> None:
+        """Begin or end a slip by the pose."""
+        pad = self._numbers[event.pad]
+        claim = self._claims.pop(pad, None)
+        if claim is not None:
+            self._ended[pad] = claim
+        if event.event == "slip_start":
+            before = self._ended.get(pad)
+            resumed = before is not None and before.onset_s == event.onset_s  # its end was withdrawn
+            claim = before if before is not None and resumed else self._claimed(pad, event)
+            self._claims[pad] = claim
+        self._consents = self._consents.copy()
+        self._consents[0, pad] = pad not in self._claims or self._claims[pad].consents
+
+    def _claimed(self, pad: int, event: Event) -> _Claim:
+        """A slip by the pose that begins; a method without displacement has no way to doubt."""
+        if np.isnan(event.speed_m_s):
+            return _Claim(event.onset_s, still=True, consents=True)
+        stirred = [flags[pad] for since_s, flags in self._stirred if since_s + _WINDOW_S <= event.onset_s]
+        steady = np.array([flag for flag in stirred if not np.isnan(flag)])
+        still = len(steady) >= _STILL_BINS and bool(steady.mean() <= _STIRRED)
+        earlier = [
+            seen
+            for seen in self._seen
+            if seen.bin.until_s <= event.onset_s and seen.bin.touching[pad] and seen.bin.whole[pad]
+        ]
+        before = self._pattern(pad, earlier[-BEFORE_BINS:]) if earlier else None
+        return _Claim(event.onset_s, still, before=before)
+
+    def _pattern(self, pad: int, seen: list[_Seen]) -> _Pattern:
+        """Mean of some bins, at least one."""
+        own, scans = self._layout.of_pad(pad), sum(one.bin.scans for one in seen)
+        total = np.sum([one.bin.pressure[own] for one in seen], axis=0)
+        return _Pattern(total / scans, scans, np.mean([one.path_m[pad] for one in seen], axis=0))
+
+    def _judge(self, seen: _Seen) -> None:
+        """One more bin: compare the patterns of slips that have no consent yet."""
+        self._seen.append(seen)
+        oldest_s = seen.bin.until_s - _HISTORY_S
+        self._seen = [one for one in self._seen if one.bin.until_s >= oldest_s]
+        self._stirred = [one for one in self._stirred if one[0] >= oldest_s]
+        for pad, claim in self._claims.items():
+            if (
+                claim.consents
+                or seen.bin.until_s <= claim.onset_s
+                or not (seen.bin.touching[pad] and seen.bin.whole[pad])
+            ):
+                continue
+            now = self._pattern(pad, [seen])
+            if claim.before is not None and shared(claim.before.pressure, now.pressure) >= _SAME:
+                claim.consents = self._slides(pad, claim.before, now, seen.bin.noise, still=claim.still)
+                claim.still = False
+            else:
+                claim.before = now
+            if claim.consents:
+                self._consents = self._consents.copy()
+                self._consents[0, pad] = True
+
+    def _slides(self, pad: int, before: _Pattern, now: _Pattern, noise: Floats, *, still: bool) -> bool:
+        """Whether a slide explains the change of a pattern clearly better than rest."""
+        layout, own = self._layout, self._layout.of_pad(pad)
+        pitch_m = float(np.sqrt(layout.pitch_m[pad].prod()))
+        skin = self._skins[pad]
+        if skin is None:
+            skin = self._skins[pad] = Skin(np.column_stack([layout.x_m[own], layout.y_m[own]]) / pitch_m)
+        one = float(np.median(noise[own])) * np.sqrt(1.0 / before.scans + 1.0 / now.scans)
+        rest, slide = skin.compare(before.pressure, now.pressure, one, (now.path_m - before.path_m) / pitch_m)
+        return rest > _CLEARLY * slide or (still and slide < _CLEARLY * rest)
+
+
+def ahead(consents: Bools, slipping: Bools, t_s: Floats, within_s: float, count: int) -> Bools:
+    """(count, pads), whether a slip by the pose that goes on has its pattern's consent within a time from each scan.
+
+    consents, slipping: (scans, pads), of these scans and later ones; t_s: (scans,).
+    """
+    soon = np.empty_like(consents)
+    next_s = np.full(consents.shape[1], np.inf)
+    for scan in range(len(consents) - 1, -1, -1):
+        next_s = np.where(slipping[scan], np.where(consents[scan], t_s[scan], next_s), np.inf)
+        soon[scan] = ~slipping[scan] | (next_s <= t_s[scan] + within_s)
+    return soon[:count]
