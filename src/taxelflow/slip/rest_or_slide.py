@@ -150,6 +150,11 @@ def _rest(before: Floats, after: Floats, places: Floats, least: float) -> float:
     return float(np.linalg.norm(left))
 
 
+def covers(before: Floats, after: Floats) -> bool:
+    """Whether all taxels (taxels,) are loaded in both patterns: none is at the end of the contact."""
+    return bool(np.minimum(before, after).min() > _LOADED * max(before.max(), after.max()))
+
+
 def shared(before: Floats, after: Floats) -> float:
     """Share of the load of a pattern (taxels,) on taxels that were loaded in the one before."""
     load, was = np.maximum(after, 0.0), before > _LOADED * before.max()

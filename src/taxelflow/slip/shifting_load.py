@@ -1,14 +1,17 @@
 """Slips by the pose that a load which shifts over an object at rest explains as well.
 
 Where a hand pulls, swings or rocks an object, its load wanders, and so does every pose that is learned from pressure:
-by more than a covariance by noise and faults of the taxels holds. So on a sensor with an `unseen_error` a slip by the
-pose needs one of two witnesses:
+by more than a covariance by noise and faults of the taxels holds. So on a sensor with an `unseen_error` the pattern has
+to consent to a slip by the pose. The pattern from before it began is compared with the present one:
 
-- the contact was still before it began: its pattern had not changed at a steady load by more than noise and creep;
-- the pattern from before it began explains the present one clearly better as a slide than at rest (`rest_or_slide`).
+- it consents if a slide explains the change clearly better than rest does (`rest_or_slide`);
+- if the contact was still before, it consents unless rest explains the change clearly better, and at once if the pose
+  moves by more than a pitch in the time of a bin: a load that was still does not shift so fast;
+- an object that covers the pad shows no end of its contact, where alone a rest leaves more than usual: there the odds
+  of `evidence` decide.
 
-Otherwise the slip is suspected. What is compared is the interval since the slip began: the longer the way, the clearer
-the decision. An object that rolls brings new parts of itself into contact; where less than half of the load is still on
+Else the slip is suspected. The interval that is compared begins with the slip: the longer the way, the clearer the
+decision. An object that rolls brings new parts of itself into contact; where less than half of the load is still on
 taxels that were loaded before, the interval begins anew.
 """
 
@@ -19,8 +22,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.slip.evidence import GROWTH, REST_CHANGE, REST_EXPONENT, log_likelihood_ratio
 from taxelflow.slip.pattern_change import BEFORE_BINS, BIN_S
-from taxelflow.slip.rest_or_slide import Skin, shared
+from taxelflow.slip.rest_or_slide import Skin, covers, shared
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Event, Floats, Slips
@@ -28,7 +32,7 @@ if TYPE_CHECKING:
     from taxelflow.slip.pattern_change import Bin, PatternChanges
 
 _CLEARLY = 1.5
-"""Times as much as a slide that rest must leave of a pattern."""
+"""Times as much as the other that a hypothesis must leave of a pattern to be refused; maps are held to the same."""
 _HISTORY_S = 2.5
 """Time before a slip that is remembered: the onset detector looks back 2 s."""
 _STILL_BINS, _STIRRED = 6, 0.25
@@ -41,8 +45,9 @@ _SAME = 0.5
 
 @dataclass(slots=True, eq=False)
 class _Pattern:
-    """Mean of some bins on one pad: (taxels,), its scans, and the path of the pose there, (2,), m."""
+    """Mean of some bins on a pad: time of the last scan, pressure (taxels,), scans, and path of the pose (2,), m."""
 
+    until_s: float
     pressure: Floats
     scans: int
     path_m: Floats
@@ -73,6 +78,7 @@ class ShiftingLoad:
 
     def __init__(self, layout: Layout) -> None:
         self._layout, self._numbers = layout, {name: number for number, name in enumerate(layout.pads)}
+        self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         self._doubts = layout.unseen_error > 0.0
         count = len(layout.pads)
         self._skins: list[Skin | None] = [None] * count
@@ -95,9 +101,10 @@ class ShiftingLoad:
         self._coming += completed
         found = np.empty(slips.contact.shape, dtype=np.bool_)
         begun = [event for event in events if event.event in ("slip_start", "slip_stop", "release")]
-        done = 0
+        step_m, done = slips.displacement[:, :, :2], 0
+        paths_m = self._path_m + np.cumsum(np.where(np.isnan(step_m), 0.0, step_m), axis=0)
         for scan, t_s in enumerate(slips.t_s.tolist()):
-            self._path_m = self._path_m + np.nan_to_num(slips.displacement[scan, :, :2])
+            self._path_m = paths_m[scan]
             if np.isfinite(changes.centre_s[scan]):
                 self._stirred.append((float(changes.centre_s[scan]), changes.stirred[scan]))
             while done < len(begun) and begun[done].t_s <= t_s:
@@ -135,13 +142,14 @@ class ShiftingLoad:
             if seen.bin.until_s <= event.onset_s and seen.bin.touching[pad] and seen.bin.whole[pad]
         ]
         before = self._pattern(pad, earlier[-BEFORE_BINS:]) if earlier else None
-        return _Claim(event.onset_s, still, before=before)
+        fast = event.speed_m_s * BIN_S > self._pitch_m[pad]
+        return _Claim(event.onset_s, still, consents=still and fast, before=before)
 
     def _pattern(self, pad: int, seen: list[_Seen]) -> _Pattern:
         """Mean of some bins, at least one."""
         own, scans = self._layout.of_pad(pad), sum(one.bin.scans for one in seen)
         total = np.sum([one.bin.pressure[own] for one in seen], axis=0)
-        return _Pattern(total / scans, scans, np.mean([one.path_m[pad] for one in seen], axis=0))
+        return _Pattern(seen[-1].bin.until_s, total / scans, scans, np.mean([one.path_m[pad] for one in seen], axis=0))
 
     def _judge(self, seen: _Seen) -> None:
         """One more bin: compare the patterns of slips that have no consent yet."""
@@ -169,13 +177,24 @@ class ShiftingLoad:
     def _slides(self, pad: int, before: _Pattern, now: _Pattern, noise: Floats, *, still: bool) -> bool:
         """Whether a slide explains the change of a pattern clearly better than rest."""
         layout, own = self._layout, self._layout.of_pad(pad)
-        pitch_m = float(np.sqrt(layout.pitch_m[pad].prod()))
+        pitch_m = float(self._pitch_m[pad])
         skin = self._skins[pad]
         if skin is None:
             skin = self._skins[pad] = Skin(np.column_stack([layout.x_m[own], layout.y_m[own]]) / pitch_m)
         one = float(np.median(noise[own])) * np.sqrt(1.0 / before.scans + 1.0 / now.scans)
         rest, slide = skin.compare(before.pressure, now.pressure, one, (now.path_m - before.path_m) / pitch_m)
+        if covers(before.pressure, now.pressure) and _is_odd(before, now, rest, one):
+            return True
         return rest > _CLEARLY * slide or (still and slide < _CLEARLY * rest)
+
+
+def _is_odd(before: _Pattern, now: _Pattern, rest: float, noise: float) -> bool:
+    """Whether what rest leaves of a pattern is rather that of a slip. noise: standard deviation of a difference."""
+    power = float(now.pressure @ now.pressure)
+    usual = REST_CHANGE * ((now.until_s - before.until_s) / _WINDOW_S) ** REST_EXPONENT
+    rise = np.log(now.pressure.sum() / before.pressure.sum())
+    share, noise_power = np.array([rest**2, len(now.pressure) * noise**2]) / power
+    return bool(log_likelihood_ratio(share, noise_power, rise, np.array(GROWTH), usual) > 0.0)
 
 
 def ahead(consents: Bools, slipping: Bools, t_s: Floats, within_s: float, count: int) -> Bools:
