@@ -32,6 +32,8 @@ _ROUNDS = 8
 """Rounds that find which taxels are in contact, and steps of the fit of a slide."""
 _RIDGE = 1e-6
 """Relative stiffness of what readings do not determine, as both modes of an even pressure."""
+_ENOUGH = 1e-3
+"""Share of the squares that a step must change to be followed by another."""
 _DAMPING = 1e-3
 """Of the first step of the fit of a slide, relative to its information."""
 _MOST_TAXELS = 100
@@ -84,8 +86,11 @@ class Skin:
                 trial = state - np.linalg.solve(information, slopes.T @ left)
                 found = self._left(surface, after, chosen, trial, centre)
                 damping *= 10.0
-                if found[0] @ found[0] < left @ left:
+                gained = left @ left - found[0] @ found[0]
+                if gained > 0.0:
                     state, damping, (left, slopes, inside) = trial, damping / 50.0, found
+                if abs(gained) < _ENOUGH * (left @ left):
+                    break
             own = float(np.linalg.norm(left))
             if own < best[0]:
                 best = own, inside
@@ -102,11 +107,10 @@ class Skin:
         turned = np.column_stack([cos * off[:, 0] + sin * off[:, 1], cos * off[:, 1] - sin * off[:, 0]])
         where = turned + centre
         inside: Bools = ((where >= self._low) & (where <= self._high)).all(axis=1)
-        apart = where[:, np.newaxis] - self._places
-        distance = np.sqrt((apart**2).sum(axis=2))
+        distance = _distances(where, self._places)
         weights, plane = surface[: len(self._places)], surface[len(self._places) :]
-        value = distance**3 @ weights + plane[0] + where[:, self._spans] @ plane[1:]
-        slope = 3.0 * np.einsum("ij,ijk,j->ik", distance, apart, weights)
+        value = distance**2 * distance @ weights + plane[0] + where[:, self._spans] @ plane[1:]
+        slope = 3.0 * ((distance @ weights)[:, np.newaxis] * where - distance @ (weights[:, np.newaxis] * self._places))
         slope[:, self._spans] += plane[1:]
         seen = inside & (value > 0.0)
         model, reading = np.where(seen, value, 0.0), np.where(inside, after[chosen], 0.0)
@@ -121,7 +125,8 @@ class Skin:
 
 
 def _distances(places: Floats, others: Floats) -> Floats:
-    distance: Floats = np.sqrt(((places[:, np.newaxis] - others) ** 2).sum(axis=2))
+    along, across = (np.subtract.outer(places[:, axis], others[:, axis]) for axis in range(2))
+    distance: Floats = np.sqrt(along * along + across * across)
     return distance
 
 
