@@ -11,8 +11,9 @@ to consent to a slip by the pose. The pattern from before it began is compared w
   of `evidence` decide.
 
 Else the slip is suspected. The interval that is compared begins with the slip: the longer the way, the clearer the
-decision. An object that rolls brings new parts of itself into contact; where less than half of the load is still on
-taxels that were loaded before, the interval begins anew.
+decision. While the load wanders the pose may claim a slip long before there is one; then it begins after the last bin
+that rest explained clearly better. An object that rolls brings new parts of itself into contact; where less than half
+of the load is still on taxels that were loaded before, the interval begins anew.
 """
 
 from __future__ import annotations
@@ -56,13 +57,14 @@ class _Pattern:
 @dataclass(slots=True, eq=False)
 class _Claim:
     """A slip by the pose. still: whether the contact was still before. before: the pattern that its interval begins
-    with; None if there was none.
+    with; None if there was none. rested_s: end of the last bin that rest explained clearly better. since_s: see `step`.
     """
 
     onset_s: float
     still: bool
-    consents: bool = False
     before: _Pattern | None = None
+    rested_s: float = -np.inf
+    since_s: float = np.inf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,18 +90,18 @@ class ShiftingLoad:
         self._seen: list[_Seen] = []
         self._stirred: list[tuple[float, Floats]] = []  # first time of a bin, and (pads,) of it
         self._path_m = np.zeros((count, 2))
-        self._consents = np.ones((1, count), dtype=np.bool_)
+        self._since_s = np.full((1, count), -np.inf)
 
-    def step(self, slips: Slips, events: list[Event], changes: PatternChanges, completed: list[Bin]) -> Bools:
-        """(scans, pads), whether the pattern consents to a slip by the pose that goes on.
+    def step(self, slips: Slips, events: list[Event], changes: PatternChanges, completed: list[Bin]) -> Floats:
+        """(scans, pads), since when the pattern consents to a slip by the pose that goes on; inf where it does not.
 
         events: by the pose, of these scans, in time order. changes: of these scans. completed: bins since the last
         call, which may be of later scans.
         """
         if not self._doubts:
-            return np.ones(slips.contact.shape, dtype=np.bool_)
+            return np.full(slips.contact.shape, -np.inf)
         self._coming += completed
-        found = np.empty(slips.contact.shape, dtype=np.bool_)
+        found = np.empty(slips.contact.shape)
         begun = [event for event in events if event.event in ("slip_start", "slip_stop", "release")]
         step_m, done = slips.displacement[:, :, :2], 0
         paths_m = self._path_m + np.cumsum(np.where(np.isnan(step_m), 0.0, step_m), axis=0)
@@ -112,7 +114,7 @@ class ShiftingLoad:
                 done += 1
             while self._coming and self._coming[0].until_s <= t_s:
                 self._judge(_Seen(self._coming.pop(0), self._path_m))
-            found[scan] = self._consents
+            found[scan] = self._since_s
         return found
 
     def _change(self, event: Event) -> None:
@@ -126,13 +128,12 @@ class ShiftingLoad:
             resumed = before is not None and before.onset_s == event.onset_s  # its end was withdrawn
             claim = before if before is not None and resumed else self._claimed(pad, event)
             self._claims[pad] = claim
-        self._consents = self._consents.copy()
-        self._consents[0, pad] = pad not in self._claims or self._claims[pad].consents
+        self._since_s[0, pad] = self._claims[pad].since_s if pad in self._claims else -np.inf
 
     def _claimed(self, pad: int, event: Event) -> _Claim:
         """A slip by the pose that begins; a method without displacement has no way to doubt."""
         if np.isnan(event.speed_m_s):
-            return _Claim(event.onset_s, still=True, consents=True)
+            return _Claim(event.onset_s, still=True, since_s=-np.inf)
         stirred = [flags[pad] for since_s, flags in self._stirred if since_s + _WINDOW_S <= event.onset_s]
         steady = np.array([flag for flag in stirred if not np.isnan(flag)])
         still = len(steady) >= _STILL_BINS and bool(steady.mean() <= _STIRRED)
@@ -143,7 +144,7 @@ class ShiftingLoad:
         ]
         before = self._pattern(pad, earlier[-BEFORE_BINS:]) if earlier else None
         fast = event.speed_m_s * BIN_S > self._pitch_m[pad]
-        return _Claim(event.onset_s, still, consents=still and fast, before=before)
+        return _Claim(event.onset_s, still, before, since_s=-np.inf if still and fast else np.inf)
 
     def _pattern(self, pad: int, seen: list[_Seen]) -> _Pattern:
         """Mean of some bins, at least one."""
@@ -158,34 +159,30 @@ class ShiftingLoad:
         self._seen = [one for one in self._seen if one.bin.until_s >= oldest_s]
         self._stirred = [one for one in self._stirred if one[0] >= oldest_s]
         for pad, claim in self._claims.items():
-            if (
-                claim.consents
-                or seen.bin.until_s <= claim.onset_s
-                or not (seen.bin.touching[pad] and seen.bin.whole[pad])
-            ):
+            touches = seen.bin.touching[pad] and seen.bin.whole[pad]
+            if claim.since_s < np.inf or seen.bin.until_s <= claim.onset_s or not touches:
                 continue
             now = self._pattern(pad, [seen])
-            if claim.before is not None and shared(claim.before.pressure, now.pressure) >= _SAME:
-                claim.consents = self._slides(pad, claim.before, now, seen.bin.noise, still=claim.still)
-                claim.still = False
-            else:
+            if claim.before is None or shared(claim.before.pressure, now.pressure) < _SAME:
                 claim.before = now
-            if claim.consents:
-                self._consents = self._consents.copy()
-                self._consents[0, pad] = True
+                continue
+            self._compare(pad, claim, claim.before, now, seen.bin.noise)
+            self._since_s[0, pad] = claim.since_s
 
-    def _slides(self, pad: int, before: _Pattern, now: _Pattern, noise: Floats, *, still: bool) -> bool:
-        """Whether a slide explains the change of a pattern clearly better than rest."""
-        layout, own = self._layout, self._layout.of_pad(pad)
-        pitch_m = float(self._pitch_m[pad])
+    def _compare(self, pad: int, claim: _Claim, before: _Pattern, now: _Pattern, noise: Floats) -> None:
+        """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?"""
+        layout, own, pitch_m = self._layout, self._layout.of_pad(pad), float(self._pitch_m[pad])
         skin = self._skins[pad]
         if skin is None:
             skin = self._skins[pad] = Skin(np.column_stack([layout.x_m[own], layout.y_m[own]]) / pitch_m)
         one = float(np.median(noise[own])) * np.sqrt(1.0 / before.scans + 1.0 / now.scans)
         rest, slide = skin.compare(before.pressure, now.pressure, one, (now.path_m - before.path_m) / pitch_m)
-        if covers(before.pressure, now.pressure) and _is_odd(before, now, rest, one):
-            return True
-        return rest > _CLEARLY * slide or (still and slide < _CLEARLY * rest)
+        odd = covers(before.pressure, now.pressure) and _is_odd(before, now, rest, one)
+        if odd or rest > _CLEARLY * slide or (claim.still and slide < _CLEARLY * rest):
+            claim.since_s = claim.rested_s
+        elif slide >= _CLEARLY * rest:
+            claim.rested_s = now.until_s
+        claim.still = False
 
 
 def _is_odd(before: _Pattern, now: _Pattern, rest: float, noise: float) -> bool:
@@ -197,14 +194,18 @@ def _is_odd(before: _Pattern, now: _Pattern, rest: float, noise: float) -> bool:
     return bool(log_likelihood_ratio(share, noise_power, rise, np.array(GROWTH), usual) > 0.0)
 
 
-def ahead(consents: Bools, slipping: Bools, t_s: Floats, within_s: float, count: int) -> Bools:
-    """(count, pads), whether a slip by the pose that goes on has its pattern's consent within a time from each scan.
+def ahead(since_s: Floats, slipping: Bools, t_s: Floats, within_s: float, count: int) -> Floats:
+    """(count, pads), since when a pattern consents to a slip by the pose that goes on, as known within a time from each
+    scan; inf where it does not, or not yet.
 
-    consents, slipping: (scans, pads), of these scans and later ones; t_s: (scans,).
+    since_s, slipping: (scans, pads), of these scans and later ones; t_s: (scans,).
     """
-    soon = np.empty_like(consents)
-    next_s = np.full(consents.shape[1], np.inf)
-    for scan in range(len(consents) - 1, -1, -1):
-        next_s = np.where(slipping[scan], np.where(consents[scan], t_s[scan], next_s), np.inf)
-        soon[scan] = ~slipping[scan] | (next_s <= t_s[scan] + within_s)
+    soon = np.empty_like(since_s)
+    next_s, since = (np.full(since_s.shape[1], np.inf) for _ in range(2))
+    for scan in range(len(since_s) - 1, -1, -1):
+        consents = since_s[scan] < np.inf
+        next_s = np.where(slipping[scan], np.where(consents, t_s[scan], next_s), np.inf)
+        since = np.where(consents, since_s[scan], since)
+        begun = (next_s <= t_s[scan] + within_s) & (since <= t_s[scan])
+        soon[scan] = np.where(slipping[scan], np.where(begun, since, np.inf), -np.inf)
     return soon[:count]
