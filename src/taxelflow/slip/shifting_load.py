@@ -11,7 +11,7 @@ to consent to a slip by the pose. The pattern from before it began is compared w
   of `evidence` decide.
 
 Else the slip is suspected. The interval that is compared begins with the slip: the longer the way, the clearer the
-decision. While the load wanders the pose may claim a slip long before there is one; then it begins after the last bin
+decision. Where the load wanders the pose may claim a slip long before there is one; then it begins after the last bin
 that rest explained clearly better. An object that rolls brings new parts of itself into contact; where less than half
 of the load is still on taxels that were loaded before, the interval begins anew.
 """
@@ -57,13 +57,15 @@ class _Pattern:
 @dataclass(slots=True, eq=False)
 class _Claim:
     """A slip by the pose. still: whether the contact was still before. before: the pattern that its interval begins
-    with; None if there was none. rested_s: end of the last bin that rest explained clearly better. since_s: see `step`.
+    with; None if there was none. rested_s: end of the last bin that rest explained clearly better, unless it was still.
+    compared: whether patterns were. since_s: see `step`.
     """
 
     onset_s: float
     still: bool
     before: _Pattern | None = None
     rested_s: float = -np.inf
+    compared: bool = False
     since_s: float = np.inf
 
 
@@ -177,12 +179,13 @@ class ShiftingLoad:
             skin = self._skins[pad] = Skin(np.column_stack([layout.x_m[own], layout.y_m[own]]) / pitch_m)
         one = float(np.median(noise[own])) * np.sqrt(1.0 / before.scans + 1.0 / now.scans)
         rest, slide = skin.compare(before.pressure, now.pressure, one, (now.path_m - before.path_m) / pitch_m)
+        first = claim.still and not claim.compared
         odd = covers(before.pressure, now.pressure) and _is_odd(before, now, rest, one)
-        if odd or rest > _CLEARLY * slide or (claim.still and slide < _CLEARLY * rest):
+        if odd or rest > _CLEARLY * slide or (first and slide < _CLEARLY * rest):
             claim.since_s = claim.rested_s
-        elif slide >= _CLEARLY * rest:
+        elif slide >= _CLEARLY * rest and not claim.still:
             claim.rested_s = now.until_s
-        claim.still = False
+        claim.compared = True
 
 
 def _is_odd(before: _Pattern, now: _Pattern, rest: float, noise: float) -> bool:
