@@ -141,7 +141,7 @@ def test_events_are_those_of_the_contract_in_time_order(tmp_path: Path) -> None:
     rows = rows_of(tmp_path / "events.csv")
     assert list(rows[0])[:4] == ["t_s", "pad", "event", "onset_s"]
     assert rows[0]["event"] == "contact"
-    assert {row["event"] for row in rows} <= {"contact", "release", "slip_start", "slip_stop"}
+    assert {row["event"] for row in rows} <= {"contact", "release", "slip_start", "slip_stop", "slip_suspected"}
     t_s = [float(row["t_s"]) for row in rows]
     assert t_s == sorted(t_s)
 

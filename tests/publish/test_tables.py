@@ -182,7 +182,7 @@ def test_events_have_time_pad_and_kind(stroke: Recording, tmp_path: Path) -> Non
     std = ["std_speed_m_s", "std_path_m", "std_turn_rad", "std_duration_s"]
     assert list(rows[0]) == ["t_s", "pad", "event", *motion, "evidence", "quality", *whole, *std]
     assert [row["event"] for row in rows if row["event"] in ("contact", "release")] == ["contact", "release"]
-    assert {row["event"] for row in rows} <= {"contact", "release", "slip_start", "slip_stop"}
+    assert {row["event"] for row in rows} <= {"contact", "release", "slip_start", "slip_stop", "slip_suspected"}
     for row in rows:
         slip = row["event"].startswith("slip")
         assert bool(row["onset_s"]) == bool(row["speed_m_s"]) == bool(row["direction_rad"]) == slip
@@ -190,7 +190,7 @@ def test_events_have_time_pad_and_kind(stroke: Recording, tmp_path: Path) -> Non
         assert not slip or float(row["onset_s"]) <= float(row["t_s"])
         assert row["turn_rad_s"] == row["turn_rad"] == row["std_turn_rad"] == ""  # the L norm knows none
         for name in ("path_m", "duration_s", "std_speed_m_s", "std_path_m", "std_duration_s"):
-            assert bool(row[name]) == slip, name
+            assert bool(row[name]) == (row["event"] in ("slip_start", "slip_stop")), name
 
 
 def test_contacts_have_a_row_per_scan_and_pad_in_contact(stroke: Recording, tmp_path: Path) -> None:

@@ -122,7 +122,9 @@ def of_palm(
     slips.quality[:, 0], slips.border[:, 0, 0] = quality, border
     each = np.tile(np.array(log_odds)[:, np.newaxis], (1, pads))
     odds = Odds(each, each, np.zeros((SCANS, pads), dtype=bool))
-    final, found = Verdict(layout, stream=stream).step(slips, Posed(slipping, events, np.zeros_like(slipping)), odds)
+    final, found = Verdict(layout, stream=stream).step(
+        slips, Posed(slipping, events, np.zeros_like(slipping), np.full(slipping.shape, -np.inf)), odds
+    )
     return final[:, 0], found
 
 
@@ -134,7 +136,7 @@ def judged(*, palm: bool, quality: int, sensor: Sensor = HAND) -> tuple[np.ndarr
     named = ["left", "palm"] if palm else ["left"]
     slipping[2:5, [layout.pads.index(name) for name in named]] = True
     events = [Event(t_s, name, kind) for t_s, kind in ((0.02, "slip_start"), (0.05, "slip_stop")) for name in named]
-    posed = Posed(slipping, events, np.zeros_like(slipping))
+    posed = Posed(slipping, events, np.zeros_like(slipping), np.full(slipping.shape, -np.inf))
     unknown = np.full((SCANS, pads), -1.0)
     odds = Odds(unknown, unknown, np.zeros((SCANS, pads), dtype=bool))
     return Verdict(layout).step(touching(pads, quality), posed, odds)

@@ -42,6 +42,8 @@ _LONGER_REST = REST_CHANGE * np.array([((between + 2) / 3) ** REST_EXPONENT for 
 """(baselines,), unexplained change at rest over longer baselines; `REST_CHANGE` has one bin between its patterns."""
 _CHUNK_BINS = 20
 """A recording's odds are computed for this many bins at a time, from as many after them: three slips long."""
+OFFLINE_AHEAD_S = _CHUNK_BINS * BIN_S
+"""Time by which poses and patterns are known beyond the odds of a recording."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

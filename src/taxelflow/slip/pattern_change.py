@@ -74,17 +74,19 @@ class PatternChanges:
 
 
 @dataclass(slots=True, eq=False)
-class _Bin:
+class Bin:
     """Sum of scans. touching, whole: (pads,), contact and no missing taxel in all of them. clipped: (entries,), at the
-    end of its range in any of them.
+    end of its range in any of them. noise: (entries,), standard deviation of one reading.
     """
 
     since_s: float
+    until_s: float
     pressure: Floats
     clipped: Bools
     touching: Bools
     whole: Bools
     shear: Floats | None
+    noise: Floats
     scans: int = 1
 
 
@@ -104,8 +106,10 @@ class PatternWatch:
         self._extent = np.stack([one, *place_m, (place_m**2).sum(axis=0)])
         self._creep_m = creep_m_s * (after + BEFORE_BINS + 2) / 2 * BIN_S
         self._after, self._longer = after, longer
-        self._bins: deque[_Bin] = deque(maxlen=BEFORE_BINS + max((1, *longer)) + after)
-        self._open: _Bin | None = None
+        self._bins: deque[Bin] = deque(maxlen=BEFORE_BINS + max((1, *longer)) + after)
+        self.completed: list[Bin] | None = [] if layout.unseen_error else None
+        """Bins since the last that was taken out, where `ShiftingLoad` needs them."""
+        self._open: Bin | None = None
         self._last_s = -np.inf
         self._shear_noise = ShearNoise(layout)
         self._unchanged = self._filled(*self._nothing_found((1, len(layout.pads))))
@@ -146,7 +150,8 @@ class PatternWatch:
         pressure, touching, whole = scans.pressure[scan], scans.contact[scan], scans.complete[scan]
         shear, clipped = None if scans.shear is None else scans.shear[scan], pressure >= scans.ceiling
         if self._open is None:
-            self._open = _Bin(t_s, pressure.copy(), clipped, touching, whole, None if shear is None else shear.copy())
+            shear = None if shear is None else shear.copy()
+            self._open = Bin(t_s, t_s, pressure.copy(), clipped, touching, whole, shear, scans.noise)
         else:
             self._open.pressure += pressure
             self._open.clipped |= clipped
@@ -154,14 +159,16 @@ class PatternWatch:
                 self._open.shear += shear
             self._open.touching = self._open.touching & touching
             self._open.whole = self._open.whole & whole
-            self._open.scans += 1
+            self._open.scans, self._open.until_s = self._open.scans + 1, t_s
         if t_s - self._open.since_s + 1.5 * min(step_s, _LONGEST_BIN_S) < BIN_S:
             return False
         self._bins.append(self._open)
+        if self.completed is not None:
+            self.completed.append(self._open)
         self._open = None
         return True
 
-    def _sides(self, between: int = 1) -> tuple[list[_Bin], list[_Bin]]:
+    def _sides(self, between: int = 1) -> tuple[list[Bin], list[Bin]]:
         """Bins before and after this many bins, the last of all."""
         bins, first = list(self._bins), len(self._bins) - self._after - between
         return bins[first - BEFORE_BINS : first], bins[len(bins) - self._after :]
@@ -226,7 +233,7 @@ class PatternWatch:
         found[4:_OWN] = np.where(np.isfinite(found[0] + power), (power, noise), np.nan)
 
 
-def _mean(bins: list[_Bin]) -> tuple[Floats, int]:
+def _mean(bins: list[Bin]) -> tuple[Floats, int]:
     """Mean pattern of some bins, and the number of its scans."""
     scans = sum(one.scans for one in bins)
     total = bins[0].pressure
@@ -235,7 +242,7 @@ def _mean(bins: list[_Bin]) -> tuple[Floats, int]:
     return total / scans, scans
 
 
-def _mean_shear(bins: list[_Bin]) -> Floats:
+def _mean_shear(bins: list[Bin]) -> Floats:
     """(entries, 2)."""
     total: Floats = np.sum([one.shear for one in bins if one.shear is not None], axis=0)
     return total / sum(one.scans for one in bins)

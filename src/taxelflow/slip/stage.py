@@ -10,11 +10,12 @@ import numpy as np
 from taxelflow.messages import Bools, Event, Floats, cut, joined
 from taxelflow.slip.cut_contact import BorderLoss
 from taxelflow.slip.measurement import parameter_records
-from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
+from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, OFFLINE_AHEAD_S, LiveOdds, Odds, OfflineOdds
 from taxelflow.slip.offline import OfflineSlipSession
 from taxelflow.slip.pad_agreement import PadAgreement
 from taxelflow.slip.pattern_change import BASELINE_BINS, PatternChanges, PatternWatch
 from taxelflow.slip.session import SlipSession
+from taxelflow.slip.shifting_load import ShiftingLoad, ahead
 from taxelflow.slip.slip_events import SlipEvents
 from taxelflow.slip.verdict import Posed, Verdict
 
@@ -67,6 +68,8 @@ class SlipStage:
         self._odds = (LiveOdds if stream else OfflineOdds)(layout.pitch_m)
         self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)
         self._verdict = Verdict(layout, stream=stream, judged=judged)
+        self._shifts, self._ahead_s = ShiftingLoad(layout), 0.0 if stream else OFFLINE_AHEAD_S
+        self._since_s: list[Floats] = []  # when patterns consent, of scans that are not judged yet
         self._completed = SlipEvents(pads, stream=stream)
         self._loss = None if stream else BorderLoss(layout)
         self._losses: list[Floats] = []  # of scans that are not judged yet
@@ -107,7 +110,10 @@ class SlipStage:
             of_posed = self._slips[0]
             if len(of_posed) > len(posed):  # a stream holds nothing back, and copies nothing
                 of_posed = cut(of_posed, first, first + len(posed))
-            parts.append(self._odds.step(posed, of_posed, self._taken(len(posed))))
+            changes, bins = self._taken(len(posed)), self._watch.completed or []
+            parts.append(self._odds.step(posed, of_posed, changes))
+            self._since_s.append(self._shifts.step(of_posed, detected.events, changes, bins))
+            bins.clear()
         if last:
             parts.append(self._odds.finish())
         count = sum(map(len, parts))
@@ -118,6 +124,9 @@ class SlipStage:
         slips = joined(self._slips)
         flags = self._posed[0] if len(self._posed) == 1 else np.concatenate(self._posed)
         statistics = self._statistics[0] if len(self._statistics) == 1 else np.concatenate(self._statistics)
+        since_s = self._since_s[0] if len(self._since_s) == 1 else np.concatenate(self._since_s)
+        soon_s = ahead(since_s, flags, slips.t_s, self._ahead_s, count)
+        self._since_s = [since_s[count:]] if len(since_s) > count else []
         left = len(slips) > count
         self._slips = [cut(slips, count, len(slips))] if left else []
         self._posed = [flags[count:]] if len(flags) > count else []
@@ -125,7 +134,7 @@ class SlipStage:
         slips = cut(slips, 0, count) if left else slips
         due = [event for event in self._events if event.t_s <= slips.t_s[-1]]
         self._events = self._events[len(due) :]
-        posed_slips = Posed(flags[:count], due, self._agreement.step(slips))
+        posed_slips = Posed(flags[:count], due, self._agreement.step(slips), soon_s)
         slipping, found = self._verdict.step(slips, posed_slips, odds)
         complete = self._completed.step(slips, slipping, found, self._lost(count))
         statistic = statistics[:count]

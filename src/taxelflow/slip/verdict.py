@@ -3,6 +3,7 @@
 A pose that is not `ok` may move by tilt, rolling or growth alone. Its slip begins once the pattern is not against it.
 A stream, which knows the pattern's change 0.2 s late, does not wait for it where a method has only the border for a
 reason: there the pose decides, unless the slip began so long before it was detected that its pattern has shown it.
+Nor does any slip by the pose begin that a load which shifts over an object at rest explains as well (`ShiftingLoad`).
 
 A group has a part of its pad's contact. Load that moves over the border of the group looks like motion of that part, so
 where the whole contact rests, and its pose is `ok`, the part does not slip.
@@ -32,12 +33,13 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True, eq=False)
 class Posed:
     """Slips by the poses of some scans. slipping: (scans, pads), by the pose of each pad, with events in time order.
-    agreed: (scans, pads), by facing pads together.
+    agreed: (scans, pads), by facing pads together. since_s: (scans, pads), see `ShiftingLoad.step`.
     """
 
     slipping: Bools
     events: list[Event]
     agreed: Bools
+    since_s: Floats
 
 
 def pads_of_groups(layout: Layout) -> NDArray[np.int64]:
@@ -150,17 +152,19 @@ class Verdict:
         speaks against while the pose is not `ok`, becomes `slip_suspected`.
         """
         events, final, by_odds = posed.events, np.empty_like(posed.slipping), np.empty_like(posed.slipping)
+        doubted = posed.since_s == np.inf
         flags = (
             posed.slipping,
             posed.agreed,
             slips.contact,
             odds.restless,
             self._sure(slips),
-            self._vague(slips, events),
+            self._vague(slips, events) | doubted,
         )
+        soon = np.where(doubted, -np.inf, odds.soon)
         last, last_by_odds = self._slipping, self._by_odds
         decide_ = decide_block if is_block(len(slips), decide) else decide
-        changes = decide_(flags, self._whole, (odds.log_odds, odds.soon), last, last_by_odds, final, by_odds)
+        changes = decide_(flags, self._whole, (odds.log_odds, soon), last, last_by_odds, final, by_odds)
         self._slipping, self._by_odds = final[-1:], by_odds[-1:]
         if not events and not changes:
             return final, []
@@ -176,9 +180,9 @@ class Verdict:
             own_events = own.get((scan, pad), [])
             if by_odds[scan : scan + 2, pad].any():
                 ends = before[scan, pad], before[scan + 1, pad]
-                steady = not odds.restless[scan, pad]
+                since_s = np.inf if odds.restless[scan, pad] else float(posed.since_s[scan, pad])
                 ends_now = bool(ends[0]), bool(ends[1])
-                own_events = self._decided(own_events, float(slips.t_s[scan]), pad, ends_now, steady=steady)
+                own_events = self._decided(own_events, float(slips.t_s[scan]), pad, ends_now, since_s)
             quality, evidence = QUALITY[slips.quality[scan, pad]], float(odds.log_odds[scan, pad])
             evidence = nan if np.isnan(evidence) else evidence  # one and the same NaN, as of other fields
             found += [_witnessed(event, quality, evidence) for event in own_events]
@@ -220,18 +224,19 @@ class Verdict:
         return visible
 
     def _decided(
-        self, posed: list[Event], t_s: float, pad: int, ends: tuple[bool, bool], *, steady: bool
+        self, posed: list[Event], t_s: float, pad: int, ends: tuple[bool, bool], since_s: float
     ) -> list[Event]:
         """Events of one scan that its pose does not decide alone. posed: by the pose. ends: slipping before, now.
 
-        steady: the pad is not restless, so that a slip that was suspected began when its pose did.
+        since_s: a slip that was suspected began when its pose did, but not before this; inf on a restless pad, and
+        where facing pads decide: it begins now.
         """
         slipped, slips_on = ends
         starts = [event for event in posed if event.event == "slip_start"]
         slip: list[Event] = []
         if slips_on and not slipped:
-            suspected = [self._suspected[pad]] if steady and pad in self._suspected else []
-            slip = starts[:1] or [replace(one, t_s=t_s) for one in suspected]
+            suspected = [self._suspected[pad]] if since_s < np.inf and pad in self._suspected else []
+            slip = starts[:1] or [replace(one, t_s=t_s, onset_s=max(one.onset_s, since_s)) for one in suspected]
             slip = slip or [Event(t_s, self._pads[pad], "slip_start", t_s)]
         elif slipped and not slips_on:
             slip = [Event(t_s, self._pads[pad], "slip_stop", t_s)]

@@ -1,0 +1,214 @@
+"""Slips by the pose that a load which shifts over an object at rest explains as well.
+
+Where a hand pulls, swings or rocks an object, its load wanders, and so does every pose that is learned from pressure:
+by more than a covariance by noise and faults of the taxels holds. So on a sensor with an `unseen_error` the pattern has
+to consent to a slip by the pose. The pattern from before it began is compared with the present one:
+
+- it consents if a slide explains the change clearly better than rest does (`rest_or_slide`);
+- if the contact was still before, it consents unless rest explains the change clearly better, and at once if the pose
+  moves by more than a pitch in the time of a bin: a load that was still does not shift so fast;
+- an object that covers the pad shows no end of its contact, where alone a rest leaves more than usual: there the odds
+  of `evidence` decide.
+
+Else the slip is suspected. The interval that is compared begins with the slip: the longer the way, the clearer the
+decision. Where the load wanders the pose may claim a slip long before there is one; then it begins after the last bin
+that rest explained clearly better. An object that rolls brings new parts of itself into contact; where less than half
+of the load is still on taxels that were loaded before, the interval begins anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.slip.evidence import GROWTH, REST_CHANGE, REST_EXPONENT, log_likelihood_ratio
+from taxelflow.slip.pattern_change import BEFORE_BINS, BIN_S
+from taxelflow.slip.rest_or_slide import Skin, covers, shared
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Bools, Event, Floats, Slips
+    from taxelflow.sensors.layout import Layout
+    from taxelflow.slip.pattern_change import Bin, PatternChanges
+
+_CLEARLY = 1.5
+"""Times as much as the other that a hypothesis must leave of a pattern to be refused; maps are held to the same."""
+_HISTORY_S = 2.5
+"""Time before a slip that is remembered: the onset detector looks back 2 s."""
+_STILL_BINS, _STIRRED = 6, 0.25
+"""A contact was still if of at least this many bins at a steady load at most this share was stirred: see `restless`."""
+_WINDOW_S = 3 * BIN_S
+"""From the first scan of a bin to the end of those after it."""
+_SAME = 0.5
+"""Share of the load that must be on taxels that were loaded before, for two patterns to be compared."""
+
+
+@dataclass(slots=True, eq=False)
+class _Pattern:
+    """Mean of some bins on a pad: time of the last scan, pressure (taxels,), scans, and path of the pose (2,), m."""
+
+    until_s: float
+    pressure: Floats
+    scans: int
+    path_m: Floats
+
+
+@dataclass(slots=True, eq=False)
+class _Claim:
+    """A slip by the pose. still: whether the contact was still before. before: the pattern that its interval begins
+    with; None if there was none. rested_s: end of the last bin that rest explained clearly better, unless it was still.
+    compared: whether patterns were. since_s: see `step`.
+    """
+
+    onset_s: float
+    still: bool
+    before: _Pattern | None = None
+    rested_s: float = -np.inf
+    compared: bool = False
+    since_s: float = np.inf
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """A bin, and the path of the poses up to it, (pads, 2), m."""
+
+    bin: Bin
+    path_m: Floats
+
+
+class ShiftingLoad:
+    """Follows the slips by the pose of all pads."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout, self._numbers = layout, {name: number for number, name in enumerate(layout.pads)}
+        self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
+        self._doubts = layout.unseen_error > 0.0
+        count = len(layout.pads)
+        self._skins: list[Skin | None] = [None] * count
+        self._claims: dict[int, _Claim] = {}
+        self._ended: dict[int, _Claim] = {}
+        self._coming: list[Bin] = []  # of scans that `step` has not reached
+        self._seen: list[_Seen] = []
+        self._stirred: list[tuple[float, Floats]] = []  # first time of a bin, and (pads,) of it
+        self._path_m = np.zeros((count, 2))
+        self._since_s = np.full((1, count), -np.inf)
+
+    def step(self, slips: Slips, events: list[Event], changes: PatternChanges, completed: list[Bin]) -> Floats:
+        """(scans, pads), since when the pattern consents to a slip by the pose that goes on; inf where it does not.
+
+        events: by the pose, of these scans, in time order. changes: of these scans. completed: bins since the last
+        call, which may be of later scans.
+        """
+        if not self._doubts:
+            return np.full(slips.contact.shape, -np.inf)
+        self._coming += completed
+        found = np.empty(slips.contact.shape)
+        begun = [event for event in events if event.event in ("slip_start", "slip_stop", "release")]
+        step_m, done = slips.displacement[:, :, :2], 0
+        paths_m = self._path_m + np.cumsum(np.where(np.isnan(step_m), 0.0, step_m), axis=0)
+        for scan, t_s in enumerate(slips.t_s.tolist()):
+            self._path_m = paths_m[scan]
+            if np.isfinite(changes.centre_s[scan]):
+                self._stirred.append((float(changes.centre_s[scan]), changes.stirred[scan]))
+            while done < len(begun) and begun[done].t_s <= t_s:
+                self._change(begun[done])
+                done += 1
+            while self._coming and self._coming[0].until_s <= t_s:
+                self._judge(_Seen(self._coming.pop(0), self._path_m))
+            found[scan] = self._since_s
+        return found
+
+    def _change(self, event: Event) -> None:
+        """Begin or end a slip by the pose."""
+        pad = self._numbers[event.pad]
+        claim = self._claims.pop(pad, None)
+        if claim is not None:
+            self._ended[pad] = claim
+        if event.event == "slip_start":
+            before = self._ended.get(pad)
+            resumed = before is not None and before.onset_s == event.onset_s  # its end was withdrawn
+            claim = before if before is not None and resumed else self._claimed(pad, event)
+            self._claims[pad] = claim
+        self._since_s[0, pad] = self._claims[pad].since_s if pad in self._claims else -np.inf
+
+    def _claimed(self, pad: int, event: Event) -> _Claim:
+        """A slip by the pose that begins; a method without displacement has no way to doubt."""
+        if np.isnan(event.speed_m_s):
+            return _Claim(event.onset_s, still=True, since_s=-np.inf)
+        stirred = [flags[pad] for since_s, flags in self._stirred if since_s + _WINDOW_S <= event.onset_s]
+        steady = np.array([flag for flag in stirred if not np.isnan(flag)])
+        still = len(steady) >= _STILL_BINS and bool(steady.mean() <= _STIRRED)
+        earlier = [
+            seen
+            for seen in self._seen
+            if seen.bin.until_s <= event.onset_s and seen.bin.touching[pad] and seen.bin.whole[pad]
+        ]
+        before = self._pattern(pad, earlier[-BEFORE_BINS:]) if earlier else None
+        fast = event.speed_m_s * BIN_S > self._pitch_m[pad]
+        return _Claim(event.onset_s, still, before, since_s=-np.inf if still and fast else np.inf)
+
+    def _pattern(self, pad: int, seen: list[_Seen]) -> _Pattern:
+        """Mean of some bins, at least one."""
+        own, scans = self._layout.of_pad(pad), sum(one.bin.scans for one in seen)
+        total = np.sum([one.bin.pressure[own] for one in seen], axis=0)
+        return _Pattern(seen[-1].bin.until_s, total / scans, scans, np.mean([one.path_m[pad] for one in seen], axis=0))
+
+    def _judge(self, seen: _Seen) -> None:
+        """One more bin: compare the patterns of slips that have no consent yet."""
+        self._seen.append(seen)
+        oldest_s = seen.bin.until_s - _HISTORY_S
+        self._seen = [one for one in self._seen if one.bin.until_s >= oldest_s]
+        self._stirred = [one for one in self._stirred if one[0] >= oldest_s]
+        for pad, claim in self._claims.items():
+            touches = seen.bin.touching[pad] and seen.bin.whole[pad]
+            if claim.since_s < np.inf or seen.bin.until_s <= claim.onset_s or not touches:
+                continue
+            now = self._pattern(pad, [seen])
+            if claim.before is None or shared(claim.before.pressure, now.pressure) < _SAME:
+                claim.before = now
+                continue
+            self._compare(pad, claim, claim.before, now, seen.bin.noise)
+            self._since_s[0, pad] = claim.since_s
+
+    def _compare(self, pad: int, claim: _Claim, before: _Pattern, now: _Pattern, noise: Floats) -> None:
+        """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?"""
+        layout, own, pitch_m = self._layout, self._layout.of_pad(pad), float(self._pitch_m[pad])
+        skin = self._skins[pad]
+        if skin is None:
+            skin = self._skins[pad] = Skin(np.column_stack([layout.x_m[own], layout.y_m[own]]) / pitch_m)
+        one = float(np.median(noise[own])) * np.sqrt(1.0 / before.scans + 1.0 / now.scans)
+        rest, slide = skin.compare(before.pressure, now.pressure, one, (now.path_m - before.path_m) / pitch_m)
+        first = claim.still and not claim.compared
+        odd = covers(before.pressure, now.pressure) and _is_odd(before, now, rest, one)
+        if odd or rest > _CLEARLY * slide or (first and slide < _CLEARLY * rest):
+            claim.since_s = claim.rested_s
+        elif slide >= _CLEARLY * rest and not claim.still:
+            claim.rested_s = now.until_s
+        claim.compared = True
+
+
+def _is_odd(before: _Pattern, now: _Pattern, rest: float, noise: float) -> bool:
+    """Whether what rest leaves of a pattern is rather that of a slip. noise: standard deviation of a difference."""
+    power = float(now.pressure @ now.pressure)
+    usual = REST_CHANGE * ((now.until_s - before.until_s) / _WINDOW_S) ** REST_EXPONENT
+    rise = np.log(now.pressure.sum() / before.pressure.sum())
+    share, noise_power = np.array([rest**2, len(now.pressure) * noise**2]) / power
+    return bool(log_likelihood_ratio(share, noise_power, rise, np.array(GROWTH), usual) > 0.0)
+
+
+def ahead(since_s: Floats, slipping: Bools, t_s: Floats, within_s: float, count: int) -> Floats:
+    """(count, pads), since when a pattern consents to a slip by the pose that goes on, as known within a time from each
+    scan; inf where it does not, or not yet.
+
+    since_s, slipping: (scans, pads), of these scans and later ones; t_s: (scans,).
+    """
+    soon = np.empty_like(since_s)
+    next_s, since = (np.full(since_s.shape[1], np.inf) for _ in range(2))
+    for scan in range(len(since_s) - 1, -1, -1):
+        consents = since_s[scan] < np.inf
+        next_s = np.where(slipping[scan], np.where(consents, t_s[scan], next_s), np.inf)
+        since = np.where(consents, since_s[scan], since)
+        begun = (next_s <= t_s[scan] + within_s) & (since <= t_s[scan])
+        soon[scan] = np.where(slipping[scan], np.where(begun, since, np.inf), -np.inf)
+    return soon[:count]

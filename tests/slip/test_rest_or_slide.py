@@ -1,0 +1,75 @@
+"""An object on an elastic skin: what sinking, tilting and sliding leave of its pattern."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from elastic_skin import PLACES, pressed
+from taxelflow.slip.rest_or_slide import Skin, shared
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+
+NOISE = 1e-3
+
+
+def left(after: Floats, moved: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
+    """Shares of a pattern that rest and a slide leave, beside the one at the origin."""
+    rest, slide = Skin(PLACES).compare(pressed(), after, NOISE, np.array(moved))
+    norm = float(np.linalg.norm(after))
+    return rest / norm, slide / norm
+
+
+@pytest.mark.parametrize("change", [{"tilt": (0.05, 0.02)}, {"depth": 0.8}, {"depth": 1.3, "tilt": (-0.04, 0.03)}])
+def test_an_object_that_sinks_and_tilts_is_explained_at_rest(change: dict[str, float]) -> None:
+    rest, slide = left(pressed(**change))  # type: ignore[arg-type]
+    assert rest < 0.05
+    assert slide > 1.5 * rest
+
+
+def test_load_and_tilt_in_proportion_to_pressure_are_rest_too() -> None:
+    rest, _ = left(pressed() * (1.2 + 0.05 * PLACES[:, 0]))
+    assert rest < 0.03
+
+
+def test_an_object_that_slides_is_explained_as_a_slide() -> None:
+    rest, slide = left(pressed(x=0.7, y=-0.3))
+    assert rest > 2 * slide
+
+
+def test_where_the_pose_has_gone_helps_where_a_texture_repeats() -> None:
+    after = pressed(x=2.0)
+    assert left(after, (2.0, 0.0))[1] <= left(after)[1]
+
+
+def test_a_turn_is_a_slide() -> None:
+    rest, slide = left(pressed(turn=0.25))
+    assert rest > 1.5 * slide
+
+
+def test_scale_changes_nothing() -> None:
+    skin, after = Skin(PLACES), pressed(x=0.5)
+    one = skin.compare(pressed(), after, NOISE, np.zeros(2))
+    more = skin.compare(1e4 * pressed(), 1e4 * after, 1e4 * NOISE, np.zeros(2))
+    assert np.allclose(more, 1e4 * np.array(one), rtol=1e-6)
+
+
+def test_taxels_on_a_line_know_a_slide_along_it() -> None:
+    line = np.column_stack([np.arange(10.0), np.zeros(10)])
+    before, after = (np.maximum(3.0 - np.abs(line[:, 0] - middle), 0.0) ** 0.5 for middle in (4.0, 4.8))
+    rest, slide = Skin(line).compare(before, after, NOISE, np.array([0.8, 0.0]))
+    assert np.isfinite([rest, slide]).all()
+    assert slide < 0.1 * np.linalg.norm(after)
+
+
+def test_without_load_nothing_is_left() -> None:
+    assert Skin(PLACES).compare(np.zeros(len(PLACES)), np.zeros(len(PLACES)), NOISE, np.zeros(2)) == (0.0, 0.0)
+
+
+def test_load_on_taxels_that_were_loaded_is_shared() -> None:
+    assert shared(pressed(), pressed()) > 0.99
+    assert shared(pressed(x=-3.0), pressed(x=3.0)) < 0.5
+    assert shared(pressed(), np.zeros(len(PLACES))) == 0.0

@@ -1,0 +1,82 @@
+"""Objects whose load shifts while they rest, and while they slip: what is reported, and what is suspected."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+import pytest
+
+from elastic_skin import RATE_HZ, SENSOR, on_skin
+from synthetic import recorded
+from taxelflow.pipeline import api
+from taxelflow.slip.shifting_load import ahead
+
+if TYPE_CHECKING:
+    from taxelflow.acquire.base import Recording
+    from taxelflow.estimation.base import Mode
+    from taxelflow.messages import Event
+
+both = pytest.mark.parametrize("mode", ["batch", "stream"])
+T_S = np.arange(round(5.0 * RATE_HZ)) / RATE_HZ
+AT_REST = np.zeros(len(T_S))
+ROCKED = 0.08 * np.sin(2 * np.pi * 0.7 * T_S)
+SLID = 2.5 * np.clip(T_S - 3.0, 0.0, 0.8) / 0.8
+"""By 2.5 pitches, at 9 mm/s."""
+ONSET_S = 4.0
+"""Of the slide, after a second without contact."""
+
+
+def slips(recording: Recording, mode: Mode) -> list[Event]:
+    found = api.estimate(recording, method="registration", mode=mode)
+    return [event for event in found.events if event.event in ("slip_start", "slip_suspected")]
+
+
+def starts(events: list[Event]) -> list[Event]:
+    return [event for event in events if event.event == "slip_start"]
+
+
+@both
+def test_an_object_that_is_rocked_at_rest_is_only_suspected(mode: Mode) -> None:
+    events = slips(on_skin(AT_REST, ROCKED), mode)
+    assert events
+    assert not starts(events)
+
+
+@both
+def test_an_object_that_slips_while_it_is_rocked_is_reported(mode: Mode) -> None:
+    found = [event for event in starts(slips(on_skin(SLID, ROCKED), mode)) if event.t_s >= ONSET_S]
+    assert found
+    assert found[0].t_s < ONSET_S + 0.8
+    assert abs(found[0].onset_s - ONSET_S) < 0.2
+
+
+@both
+def test_the_pose_decides_where_the_contact_was_still(mode: Mode) -> None:
+    found = starts(slips(on_skin(SLID, AT_REST), mode))
+    assert len(found) == 1
+    assert abs(found[0].onset_s - ONSET_S) < 0.05
+    assert found[0].t_s - ONSET_S < (0.25 if mode == "stream" else 0.05)
+
+
+def test_a_sensor_without_unseen_error_is_believed() -> None:
+    exact = msgspec.structs.replace(SENSOR, unseen_error=0.0)
+    assert starts(slips(replace(on_skin(AT_REST, ROCKED), sensor=exact), "stream"))
+
+
+@both
+def test_events_do_not_depend_on_blocks(mode: Mode) -> None:
+    whole = on_skin(SLID, ROCKED)
+    values = np.concatenate([scans.values for scans in whole.blocks()])
+    parts = recorded(values, SENSOR, np.arange(len(values)) / RATE_HZ, block=7)
+    assert slips(parts, mode) == slips(whole, mode)
+
+
+def test_consent_within_the_time_ahead_counts_while_the_slip_goes_on() -> None:
+    t_s = 0.1 * np.arange(6.0)
+    slipping = np.array([1, 1, 1, 0, 1, 1], dtype=bool)[:, np.newaxis]
+    since_s = np.array([np.inf, np.inf, 0.05, -np.inf, np.inf, np.inf])[:, np.newaxis]
+    soon = ahead(since_s, slipping, t_s, 0.25, 5)[:, 0]
+    assert soon.tolist() == [np.inf, 0.05, 0.05, -np.inf, np.inf]  # none before it began
