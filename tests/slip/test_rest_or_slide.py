@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from elastic_skin import PLACES, pressed
-from taxelflow.slip.rest_or_slide import Skin, shared
+from taxelflow.slip.rest_or_slide import Skin, compare, shared
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -18,7 +18,7 @@ NOISE = 1e-3
 
 def left(after: Floats, moved: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
     """Shares of a pattern that rest and a slide leave, beside the one at the origin."""
-    rest, slide = Skin(PLACES).compare(pressed(), after, NOISE, np.array(moved))
+    rest, slide = compare(Skin.of(PLACES), pressed(), after, NOISE, np.array(moved))
     norm = float(np.linalg.norm(after))
     return rest / norm, slide / norm
 
@@ -51,22 +51,23 @@ def test_a_turn_is_a_slide() -> None:
 
 
 def test_scale_changes_nothing() -> None:
-    skin, after = Skin(PLACES), pressed(x=0.5)
-    one = skin.compare(pressed(), after, NOISE, np.zeros(2))
-    more = skin.compare(1e4 * pressed(), 1e4 * after, 1e4 * NOISE, np.zeros(2))
+    skin, after = Skin.of(PLACES), pressed(x=0.5)
+    one = compare(skin, pressed(), after, NOISE, np.zeros(2))
+    more = compare(skin, 1e4 * pressed(), 1e4 * after, 1e4 * NOISE, np.zeros(2))
     assert np.allclose(more, 1e4 * np.array(one), rtol=1e-6)
 
 
 def test_taxels_on_a_line_know_a_slide_along_it() -> None:
     line = np.column_stack([np.arange(10.0), np.zeros(10)])
     before, after = (np.maximum(3.0 - np.abs(line[:, 0] - middle), 0.0) ** 0.5 for middle in (4.0, 4.8))
-    rest, slide = Skin(line).compare(before, after, NOISE, np.array([0.8, 0.0]))
+    rest, slide = compare(Skin.of(line), before, after, NOISE, np.array([0.8, 0.0]))
     assert np.isfinite([rest, slide]).all()
     assert slide < 0.1 * np.linalg.norm(after)
 
 
 def test_without_load_nothing_is_left() -> None:
-    assert Skin(PLACES).compare(np.zeros(len(PLACES)), np.zeros(len(PLACES)), NOISE, np.zeros(2)) == (0.0, 0.0)
+    none = np.zeros(len(PLACES))
+    assert compare(Skin.of(PLACES), none, none, NOISE, np.zeros(2)) == (0.0, 0.0)
 
 
 def test_load_on_taxels_that_were_loaded_is_shared() -> None:

@@ -13,146 +13,203 @@ smoothest surface through them continues it. What was not over the pad before is
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.rounding import SIGNIFICANT
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.small_linalg import solve_small
+from taxelflow.runtime.compiling import kernel, lean_kernel, routine
+from taxelflow.slip.sunk_and_tilted import RIDGE, ROUNDS, find_centre, squares_at_rest
 
 _LOADED = 0.03
 """Share of the largest reading below which a taxel may be unloaded: cross-talk and offsets reach that far."""
 _HALF = 0.6
 """Pitches to which a taxel reads around its centre, with a tenth to spare."""
-_ROUNDS = 8
-"""Rounds that find which taxels are in contact, and steps of the fit of a slide."""
-_RIDGE = 1e-6
-"""Relative stiffness of what readings do not determine, as both modes of an even pressure."""
 _ENOUGH = 1e-3
 """Share of the squares that a step must change to be followed by another."""
 _DAMPING = 1e-3
 """Of the first step of the fit of a slide, relative to its information."""
 _MOST_TAXELS = 100
 """Taxels that decide, evenly spread over a large contact."""
+_TINY = float(np.finfo(float).tiny)
 
 
-class Skin:
-    """The taxels of a pad: the surface through their readings."""
+class Skin(NamedTuple):
+    """The taxels of a pad: places (taxels, 2), low and high (2,), corners of what they read, all in pitches; and fit
+    (taxels + 3, taxels), which gives the surface through their readings: sum_j w_j |r - r_j|^3 + p . (1, r).
+    """
 
-    def __init__(self, places: Floats) -> None:
-        """places: (taxels, 2), in pitches."""
-        self._places = places
-        count, extent = len(places), np.ptp(places, axis=0)
-        self._low, self._high = places.min(axis=0) - _HALF, places.max(axis=0) + _HALF
-        self._spans = extent > 0.0  # places on a line determine no slope across it
-        plane = np.column_stack([np.ones(count), places[:, self._spans]])
-        zero = np.zeros((plane.shape[1], plane.shape[1]))
-        whole = np.block([[_distances(places, places) ** 3, plane], [plane.T, zero]])
-        self._inverse = np.linalg.pinv(whole, hermitian=True)[:, :count]
+    places: Floats
+    low: Floats
+    high: Floats
+    fit: Floats
 
-    def compare(self, before: Floats, after: Floats, noise: float, moved: Floats) -> tuple[float, float]:
-        """Norms of what is left of a pattern (taxels,) if its object rests, and if it slides.
-
-        before: (taxels,), the pattern at its place. noise: standard deviation of their difference. moved: (2,), in
-        pitches, where the fit of the slide begins, beside the place before.
-        """
-        largest = max(float(before.max()), float(after.max()))
-        least = max(_LOADED * largest, SIGNIFICANT * noise)
-        loaded = np.flatnonzero((before > least) | (after > least))
-        if len(loaded) > _MOST_TAXELS:
-            loaded = loaded[np.linspace(0, len(loaded) - 1, _MOST_TAXELS).round().astype(np.int64)]
-        if not len(loaded):
-            return 0.0, 0.0
-        slide, inside = self._slide(before, after, loaded, moved)
-        chosen = loaded[inside]
-        return _rest(before[chosen], after[chosen], self._places[chosen], least), slide
-
-    def _slide(self, before: Floats, after: Floats, chosen: NDArray[np.int64], moved: Floats) -> tuple[float, Bools]:
-        """What the best slide leaves, and which of the chosen taxels were over the pad before by it."""
-        surface = self._inverse @ before
-        centre = np.average(self._places, axis=0, weights=np.maximum(before, 0.0) + _RIDGE * before.max())
-        best: tuple[float, Bools] = (np.inf, np.ones(len(chosen), dtype=np.bool_))
-        for start in ((*moved, 0.0), (0.0, 0.0, 0.0)):
-            state, damping = np.array(start), _DAMPING
-            left, slopes, inside = self._left(surface, after, chosen, state, centre)
-            for _ in range(_ROUNDS):
-                information = slopes.T @ slopes
-                information[np.diag_indices(3)] *= 1.0 + damping
-                information[np.diag_indices(3)] += _RIDGE * np.trace(information) + np.finfo(float).tiny
-                trial = state - np.linalg.solve(information, slopes.T @ left)
-                found = self._left(surface, after, chosen, trial, centre)
-                damping *= 10.0
-                gained = left @ left - found[0] @ found[0]
-                if gained > 0.0:
-                    state, damping, (left, slopes, inside) = trial, damping / 50.0, found
-                if abs(gained) < _ENOUGH * (left @ left):
-                    break
-            own = float(np.linalg.norm(left))
-            if own < best[0]:
-                best = own, inside
-        return best
-
-    def _left(
-        self, surface: Floats, after: Floats, chosen: NDArray[np.int64], state: Floats, centre: Floats
-    ) -> tuple[Floats, Floats, Bools]:
-        """(chosen,) what a slide (x, y, angle) about a centre leaves, its slopes (chosen, 3), and whether a taxel was
-        over the pad.
-        """
-        cos, sin = np.cos(state[2]), np.sin(state[2])
-        off = self._places[chosen] - state[:2] - centre
-        turned = np.column_stack([cos * off[:, 0] + sin * off[:, 1], cos * off[:, 1] - sin * off[:, 0]])
-        where = turned + centre
-        inside: Bools = ((where >= self._low) & (where <= self._high)).all(axis=1)
-        distance = _distances(where, self._places)
-        weights, plane = surface[: len(self._places)], surface[len(self._places) :]
-        value = distance**2 * distance @ weights + plane[0] + where[:, self._spans] @ plane[1:]
-        slope = 3.0 * ((distance @ weights)[:, np.newaxis] * where - distance @ (weights[:, np.newaxis] * self._places))
-        slope[:, self._spans] += plane[1:]
-        seen = inside & (value > 0.0)
-        model, reading = np.where(seen, value, 0.0), np.where(inside, after[chosen], 0.0)
-        slope[~seen] = 0.0
-        gain = float(model @ reading) / max(float(model @ model), np.finfo(float).tiny)
-        x, y = slope[:, 0], slope[:, 1]
-        by_turn = x * turned[:, 1] - y * turned[:, 0]
-        slopes = gain * np.column_stack([cos * x - sin * y, sin * x + cos * y, -by_turn])
-        # The gain follows each motion: what it explains of the slopes is none of theirs.
-        slopes -= np.outer(model, model @ slopes) / max(float(model @ model), np.finfo(float).tiny)
-        return reading - gain * model, slopes, inside
+    @classmethod
+    def of(cls, places: Floats) -> Skin:
+        """The skin of taxels at places (taxels, 2), in pitches."""
+        count, spans = len(places), np.ptp(places, axis=0) > 0.0  # places on a line determine no slope across it
+        plane = np.column_stack([np.ones(count), np.where(spans, places, 0.0)])
+        distances = np.hypot(*(np.subtract.outer(axis, axis) for axis in places.T))
+        whole = np.block([[distances**3, plane], [plane.T, np.zeros((3, 3))]])
+        single = np.linalg.matrix_rank(plane) == 3 and len(np.unique(places, axis=0)) == count
+        inverse = np.linalg.inv(whole) if single else np.linalg.pinv(whole, hermitian=True)  # 20 times as slow
+        fit = np.ascontiguousarray(inverse[:, :count])
+        return cls(np.ascontiguousarray(places), places.min(axis=0) - _HALF, places.max(axis=0) + _HALF, fit)
 
 
-def _distances(places: Floats, others: Floats) -> Floats:
-    along, across = (np.subtract.outer(places[:, axis], others[:, axis]) for axis in range(2))
-    distance: Floats = np.sqrt(along * along + across * across)
-    return distance
+class _Pair(NamedTuple):
+    """What a slide explains: the surface before (taxels + 3,) and its centre (2,), and the pattern after (taxels,) on
+    the chosen taxels.
+    """
+
+    surface: Floats
+    centre: Floats
+    after: Floats
+    chosen: NDArray[np.int64]
 
 
-def _rest(before: Floats, after: Floats, places: Floats, least: float) -> float:
-    """Norm of what is left of a pattern (taxels,) if its object has only sunk and tilted."""
-    pressed = np.maximum(before, 0.0)
-    was = before > least
-    if not was.any():
-        return float(np.linalg.norm(after))
-    off = places - np.average(places, axis=0, weights=pressed)
-    plane = np.column_stack([np.ones(len(off)), off / max(float(np.sqrt((off**2).sum(axis=1).mean())), _RIDGE)])
-    modes = np.column_stack([pressed[:, np.newaxis] * plane, plane])
-    touches, model = was, np.zeros(len(before))
-    for _ in range(_ROUNDS):
-        used = modes[touches]
-        scale = np.linalg.norm(used, axis=0) + np.finfo(float).tiny
-        normal = (used / scale).T @ (used / scale) + _RIDGE * np.eye(modes.shape[1])
-        model = modes @ (np.linalg.solve(normal, (used / scale).T @ after[touches]) / scale)
-        loaded = after > least
-        now = np.where(was, (model > 0.0) | loaded, (after > model) & loaded)
-        if (now == touches).all() or not now.any():
+class _Fit(NamedTuple):
+    """Of the chosen taxels: what a slide leaves, its slopes (chosen, 3), and whether a taxel was over the pad."""
+
+    left: Floats
+    slopes: Floats
+    inside: Bools
+
+
+@kernel
+def compare(skin: Skin, before: Floats, after: Floats, noise: float, moved: Floats) -> tuple[float, float]:
+    """Norms of what is left of a pattern (taxels,) if its object rests, and if it slides.
+
+    before: (taxels,), the pattern at its place. noise: standard deviation of their difference. moved: (2,), in
+    pitches, where the fit of the slide begins, beside the place before.
+    """
+    largest = 0.0
+    for i in range(len(before)):
+        largest = max(largest, before[i], after[i])
+    least = max(_LOADED * largest, SIGNIFICANT * noise)
+    chosen = _loaded(before, after, least)
+    if len(chosen) == 0:
+        return 0.0, 0.0
+    pair = _Pair(skin.fit @ before, np.zeros(2), after, chosen)
+    find_centre(skin.places, before, pair.centre)
+    best, inside = np.inf, np.ones(len(chosen), np.bool_)
+    for start in range(2):
+        state, fit = np.zeros(3), _room(len(chosen))
+        if start == 0:
+            state[:2] = moved
+        left = _slide(skin, pair, state, fit)
+        if left < best:
+            best = left
+            inside[:] = fit.inside
+    return np.sqrt(squares_at_rest(skin.places, before, after, chosen[inside], least)), np.sqrt(best)
+
+
+@routine
+def _loaded(before: Floats, after: Floats, least: float) -> NDArray[np.int64]:
+    """Taxels that are loaded in either pattern, at most `_MOST_TAXELS` of them."""
+    loaded = np.flatnonzero((before > least) | (after > least))
+    if len(loaded) <= _MOST_TAXELS:
+        return loaded
+    return loaded[(np.arange(_MOST_TAXELS) * (len(loaded) - 1)) // (_MOST_TAXELS - 1)]
+
+
+@routine
+def _room(count: int) -> _Fit:
+    return _Fit(np.empty(count), np.empty((count, 3)), np.ones(count, np.bool_))
+
+
+@routine
+def _slide(skin: Skin, pair: _Pair, state: Floats, fit: _Fit) -> float:
+    """Squares that the best slide leaves, from a state (x, y, angle) about the centre, with what it explains in fit."""
+    damping, trial, other = _DAMPING, np.empty(3), _room(len(pair.chosen))
+    information, step = np.empty((3, 3)), np.empty(3)
+    left = _linearise(skin, pair, state, fit)
+    for _ in range(ROUNDS):
+        _add_normal(fit, information, step)
+        stiff = RIDGE * (information[0, 0] + information[1, 1] + information[2, 2]) + _TINY
+        for a in range(3):
+            information[a, a] += damping * information[a, a] + stiff
+        if not solve_small(information, step, 3):
             break
-        touches = now
-    model = np.maximum(model, 0.0)
-    left = np.where(was, after - model, np.where(after > least, np.maximum(after - model, 0.0), 0.0))
-    return float(np.linalg.norm(left))
+        trial[:] = state - step
+        found = _linearise(skin, pair, trial, other)
+        damping *= 10.0
+        gained = left - found
+        if gained > 0.0:
+            damping /= 50.0
+            left = found
+            state[:], fit.left[:], fit.slopes[:], fit.inside[:] = trial, other.left, other.slopes, other.inside
+        if abs(gained) < _ENOUGH * left:
+            break
+    return left
+
+
+@lean_kernel
+def _add_normal(fit: _Fit, information: Floats, step: Floats) -> None:
+    """Fill the normal matrix (3, 3) and right-hand side (3,) of a fit."""
+    for a in range(3):
+        step[a] = 0.0
+        for b in range(3):
+            information[a, b] = 0.0
+    for k in range(len(fit.left)):
+        for a in range(3):
+            step[a] += fit.slopes[k, a] * fit.left[k]
+            for b in range(3):
+                information[a, b] += fit.slopes[k, a] * fit.slopes[k, b]
+
+
+@lean_kernel
+def _linearise(skin: Skin, pair: _Pair, state: Floats, fit: _Fit) -> float:
+    """Fill in what a slide (x, y, angle) about the centre leaves, and its slopes; return the squares left."""
+    cos, sin = np.cos(state[2]), np.sin(state[2])
+    (cx, cy), slopes = (pair.centre[0], pair.centre[1]), fit.slopes
+    power = product = by_x = by_y = by_turn = 0.0
+    for k in range(len(pair.chosen)):
+        i = pair.chosen[k]
+        off_x, off_y = skin.places[i, 0] - state[0] - cx, skin.places[i, 1] - state[1] - cy
+        x, y = cos * off_x + sin * off_y, cos * off_y - sin * off_x
+        fit.inside[k] = skin.low[0] <= x + cx <= skin.high[0] and skin.low[1] <= y + cy <= skin.high[1]
+        value, along_x, along_y = _surface(skin.places, pair.surface, x + cx, y + cy)
+        if not fit.inside[k] or value <= 0.0:
+            value = along_x = along_y = 0.0
+        fit.left[k] = value
+        slopes[k, 0] = cos * along_x - sin * along_y
+        slopes[k, 1] = sin * along_x + cos * along_y
+        slopes[k, 2] = along_y * x - along_x * y
+        power += value * value
+        product += value * pair.after[i] if fit.inside[k] else 0.0
+        by_x += value * slopes[k, 0]
+        by_y += value * slopes[k, 1]
+        by_turn += value * slopes[k, 2]
+    power = max(power, _TINY)
+    gain, total = product / power, 0.0
+    for k in range(len(pair.chosen)):
+        # The gain follows each motion: what it explains of the slopes is none of theirs.
+        share = fit.left[k] / power
+        slopes[k, 0] = gain * (slopes[k, 0] - share * by_x)
+        slopes[k, 1] = gain * (slopes[k, 1] - share * by_y)
+        slopes[k, 2] = gain * (slopes[k, 2] - share * by_turn)
+        fit.left[k] = (pair.after[pair.chosen[k]] if fit.inside[k] else 0.0) - gain * fit.left[k]
+        total += fit.left[k] * fit.left[k]
+    return total
+
+
+@lean_kernel
+def _surface(places: Floats, surface: Floats, x: float, y: float) -> tuple[float, float, float]:
+    """A surface (taxels + 3,) at a place, and its slopes along x and y."""
+    count = len(places)
+    by_x, by_y = surface[count + 1], surface[count + 2]
+    value = surface[count] + x * by_x + y * by_y
+    for j in range(count):
+        off_x, off_y = x - places[j, 0], y - places[j, 1]
+        bent = surface[j] * np.sqrt(off_x * off_x + off_y * off_y)
+        value += bent * (off_x * off_x + off_y * off_y)
+        by_x += 3.0 * bent * off_x
+        by_y += 3.0 * bent * off_y
+    return value, by_x, by_y
 
 
 def covers(before: Floats, after: Floats) -> bool:

@@ -19,13 +19,14 @@ of the load is still on taxels that were loaded before, the interval begins anew
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taxelflow.slip.evidence import GROWTH, REST_CHANGE, REST_EXPONENT, log_likelihood_ratio
 from taxelflow.slip.pattern_change import BEFORE_BINS, BIN_S
-from taxelflow.slip.rest_or_slide import Skin, covers, shared
+from taxelflow.slip.rest_or_slide import Skin, compare, covers, shared
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Event, Floats, Slips
@@ -85,7 +86,12 @@ class ShiftingLoad:
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         self._doubts = layout.unseen_error > 0.0
         count = len(layout.pads)
-        self._skins: list[Skin | None] = [None] * count
+        places = np.column_stack([layout.x_m, layout.y_m])
+        self._skins = [
+            Skin.of(places[layout.of_pad(pad)] / self._pitch_m[pad]) for pad in range(count if self._doubts else 0)
+        ]
+        for skin in self._skins:  # a kernel that is compiled, or loaded, before scans come
+            compare(skin, np.zeros(len(skin.places)), np.zeros(len(skin.places)), 1.0, np.zeros(2))
         self._claims: dict[int, _Claim] = {}
         self._ended: dict[int, _Claim] = {}
         self._coming: list[Bin] = []  # of scans that `step` has not reached
@@ -107,10 +113,10 @@ class ShiftingLoad:
         begun = [event for event in events if event.event in ("slip_start", "slip_stop", "release")]
         step_m, done = slips.displacement[:, :, :2], 0
         paths_m = self._path_m + np.cumsum(np.where(np.isnan(step_m), 0.0, step_m), axis=0)
-        for scan, t_s in enumerate(slips.t_s.tolist()):
+        for scan, (t_s, centre_s) in enumerate(zip(slips.t_s.tolist(), changes.centre_s.tolist(), strict=True)):
             self._path_m = paths_m[scan]
-            if np.isfinite(changes.centre_s[scan]):
-                self._stirred.append((float(changes.centre_s[scan]), changes.stirred[scan]))
+            if isfinite(centre_s):
+                self._stirred.append((centre_s, changes.stirred[scan]))
             while done < len(begun) and begun[done].t_s <= t_s:
                 self._change(begun[done])
                 done += 1
@@ -173,12 +179,9 @@ class ShiftingLoad:
 
     def _compare(self, pad: int, claim: _Claim, before: _Pattern, now: _Pattern, noise: Floats) -> None:
         """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?"""
-        layout, own, pitch_m = self._layout, self._layout.of_pad(pad), float(self._pitch_m[pad])
-        skin = self._skins[pad]
-        if skin is None:
-            skin = self._skins[pad] = Skin(np.column_stack([layout.x_m[own], layout.y_m[own]]) / pitch_m)
-        one = float(np.median(noise[own])) * np.sqrt(1.0 / before.scans + 1.0 / now.scans)
-        rest, slide = skin.compare(before.pressure, now.pressure, one, (now.path_m - before.path_m) / pitch_m)
+        moved = (now.path_m - before.path_m) / self._pitch_m[pad]
+        one = float(np.median(noise[self._layout.of_pad(pad)]) * np.sqrt(1.0 / before.scans + 1.0 / now.scans))
+        rest, slide = compare(self._skins[pad], before.pressure, now.pressure, one, moved)
         first = claim.still and not claim.compared
         odd = covers(before.pressure, now.pressure) and _is_odd(before, now, rest, one)
         if odd or rest > _CLEARLY * slide or (first and slide < _CLEARLY * rest):
@@ -203,6 +206,10 @@ def ahead(since_s: Floats, slipping: Bools, t_s: Floats, within_s: float, count:
 
     since_s, slipping: (scans, pads), of these scans and later ones; t_s: (scans,).
     """
+    if within_s == 0.0:
+        since = since_s[:count]
+        known = np.where(since <= t_s[:count, np.newaxis], since, np.inf)
+        return np.where(slipping[:count], known, -np.inf)
     soon = np.empty_like(since_s)
     next_s, since = (np.full(since_s.shape[1], np.inf) for _ in range(2))
     for scan in range(len(since_s) - 1, -1, -1):

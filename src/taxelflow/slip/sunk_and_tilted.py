@@ -1,0 +1,102 @@
+"""What is left of a pattern if its object rests: on an elastic skin it can only sink and tilt, see `rest_or_slide`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.small_linalg import mirror, solve_small
+from taxelflow.runtime.compiling import lean_kernel, routine
+
+RIDGE = 1e-6
+"""Relative stiffness of what readings do not determine, as both modes of an even pressure."""
+ROUNDS = 8
+"""Rounds that find which taxels are in contact, and steps of the fit of a slide."""
+
+
+@routine
+def squares_at_rest(places: Floats, before: Floats, after: Floats, chosen: NDArray[np.int64], least: float) -> float:
+    """Squares that are left of a pattern (taxels,), on the chosen taxels, if its object has only sunk and tilted."""
+    modes, was = _modes(places, before, chosen), before[chosen] > least
+    touches, model, reading = was.copy(), np.zeros(len(chosen)), after[chosen]
+    normal, best = np.empty((6, 6)), np.empty(6)
+    for _ in range(ROUNDS if was.any() else 0):
+        if not _fit_modes(modes, reading, touches, normal, best):
+            break
+        changed = False
+        for k in range(len(chosen)):
+            model[k] = 0.0
+            for a in range(6):
+                model[k] += modes[k, a] * best[a]
+            loaded = reading[k] > least
+            now = (model[k] > 0.0 or loaded) if was[k] else (reading[k] > model[k] and loaded)
+            changed |= now != touches[k]
+            touches[k] = now
+        if not changed:
+            break
+    left = 0.0
+    for k in range(len(chosen)):
+        error = reading[k] - max(model[k], 0.0)
+        if was[k] or not was.any() or (reading[k] > least and error > 0.0):
+            left += error * error
+    return left
+
+
+@routine
+def _modes(places: Floats, before: Floats, chosen: NDArray[np.int64]) -> Floats:
+    """(chosen, 6), changes at rest: the pressure before, and 1, each times 1, x and y about its centre."""
+    modes, centre = np.empty((len(chosen), 6)), np.zeros(2)
+    own = before[chosen]
+    find_centre(places[chosen], own, centre)
+    squares = 0.0
+    for k in range(len(chosen)):
+        x, y = places[chosen[k], 0] - centre[0], places[chosen[k], 1] - centre[1]
+        modes[k, 3], modes[k, 4], modes[k, 5] = 1.0, x, y
+        squares += x * x + y * y
+    unit = max(np.sqrt(squares / max(len(chosen), 1)), RIDGE)
+    for k in range(len(chosen)):
+        modes[k, 4] /= unit
+        modes[k, 5] /= unit
+        for a in range(3):
+            modes[k, a] = max(own[k], 0.0) * modes[k, 3 + a]
+    return modes
+
+
+@routine
+def _fit_modes(modes: Floats, reading: Floats, used: Bools, normal: Floats, best: Floats) -> bool:
+    """Fill best (6,) with the modes that explain readings (chosen,) where they are used; False if none is."""
+    normal[:], best[:] = 0.0, 0.0
+    for k in np.flatnonzero(used):
+        for a in range(6):
+            best[a] += modes[k, a] * reading[k]
+            for b in range(a + 1):
+                normal[a, b] += modes[k, a] * modes[k, b]
+    mirror(normal)
+    scale = np.sqrt(np.diag(normal))
+    scale[scale == 0.0] = 1.0
+    for a in range(6):
+        best[a] /= scale[a]
+        for b in range(6):
+            normal[a, b] /= scale[a] * scale[b]
+        normal[a, a] += RIDGE
+    if not used.any() or not solve_small(normal, best, 6):
+        return False
+    best /= scale
+    return True
+
+
+@lean_kernel
+def find_centre(places: Floats, pressure: Floats, centre: Floats) -> None:
+    """Fill centre (2,) of a pattern (taxels,)."""
+    largest, total = 0.0, 0.0
+    for i in range(len(pressure)):
+        largest = max(largest, pressure[i])
+    for i in range(len(pressure)):
+        weight = max(pressure[i], 0.0) + RIDGE * largest
+        total += weight
+        centre[0] += weight * places[i, 0]
+        centre[1] += weight * places[i, 1]
+    if total > 0.0:
+        centre[0] /= total
+        centre[1] /= total
