@@ -24,12 +24,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.messages import Floats
+from taxelflow.runtime.compiling import kernel
 from taxelflow.slip.evidence import GROWTH, REST_CHANGE, REST_EXPONENT, log_likelihood_ratio
 from taxelflow.slip.pattern_change import BEFORE_BINS, BIN_S
 from taxelflow.slip.rest_or_slide import Skin, compare, covers, shared
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Bools, Event, Floats, Slips
+    from taxelflow.messages import Bools, Event, Slips
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.pattern_change import Bin, PatternChanges
 
@@ -111,8 +113,8 @@ class ShiftingLoad:
         self._coming += completed
         found = np.empty(slips.contact.shape)
         begun = [event for event in events if event.event in ("slip_start", "slip_stop", "release")]
-        step_m, done = slips.displacement[:, :, :2], 0
-        paths_m = self._path_m + np.cumsum(np.where(np.isnan(step_m), 0.0, step_m), axis=0)
+        paths_m, done = np.empty((*slips.contact.shape, 2)), 0
+        _follow(slips.displacement, self._path_m, paths_m)
         for scan, (t_s, centre_s) in enumerate(zip(slips.t_s.tolist(), changes.centre_s.tolist(), strict=True)):
             self._path_m = paths_m[scan]
             if isfinite(centre_s):
@@ -200,16 +202,24 @@ def _is_odd(before: _Pattern, now: _Pattern, rest: float, noise: float) -> bool:
     return bool(log_likelihood_ratio(share, noise_power, rise, np.array(GROWTH), usual) > 0.0)
 
 
+@kernel
+def _follow(displacement: Floats, path_m: Floats, out: Floats) -> None:
+    """Fill paths (scans, pads, 2) that go on from path_m (pads, 2) by displacements (scans, pads, 3), if known."""
+    for pad in range(len(path_m)):
+        for axis in range(2):
+            path = path_m[pad, axis]
+            for scan in range(len(out)):
+                step = displacement[scan, pad, axis]
+                path += 0.0 if np.isnan(step) else step
+                out[scan, pad, axis] = path
+
+
 def ahead(since_s: Floats, slipping: Bools, t_s: Floats, within_s: float, count: int) -> Floats:
     """(count, pads), since when a pattern consents to a slip by the pose that goes on, as known within a time from each
     scan; inf where it does not, or not yet.
 
     since_s, slipping: (scans, pads), of these scans and later ones; t_s: (scans,).
     """
-    if within_s == 0.0:
-        since = since_s[:count]
-        known = np.where(since <= t_s[:count, np.newaxis], since, np.inf)
-        return np.where(slipping[:count], known, -np.inf)
     soon = np.empty_like(since_s)
     next_s, since = (np.full(since_s.shape[1], np.inf) for _ in range(2))
     for scan in range(len(since_s) - 1, -1, -1):

@@ -125,7 +125,7 @@ class SlipStage:
         flags = self._posed[0] if len(self._posed) == 1 else np.concatenate(self._posed)
         statistics = self._statistics[0] if len(self._statistics) == 1 else np.concatenate(self._statistics)
         since_s = self._since_s[0] if len(self._since_s) == 1 else np.concatenate(self._since_s)
-        soon_s = ahead(since_s, flags, slips.t_s, self._ahead_s, count)
+        soon_s = ahead(since_s, flags, slips.t_s, self._ahead_s, count) if self._ahead_s else since_s
         self._since_s = [since_s[count:]] if len(since_s) > count else []
         left = len(slips) > count
         self._slips = [cut(slips, count, len(slips))] if left else []
