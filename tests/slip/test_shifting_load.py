@@ -80,3 +80,18 @@ def test_consent_within_the_time_ahead_counts_while_the_slip_goes_on() -> None:
     since_s = np.array([np.inf, np.inf, 0.05, -np.inf, np.inf, np.inf])[:, np.newaxis]
     soon = ahead(since_s, slipping, t_s, 0.25, 5)[:, 0]
     assert soon.tolist() == [np.inf, 0.05, 0.05, -np.inf, np.inf]  # none before it began
+
+
+@both
+def test_shear_that_shows_a_slip_is_enough_where_rest_explains_the_pattern(mode: Mode) -> None:
+    rocked = on_skin(AT_REST, ROCKED)
+    raw = next(rocked.blocks())
+    shear = np.zeros((len(raw), 100, 2))
+    slip = (raw.t_s > ONSET_S) & (raw.t_s < ONSET_S + 0.8)
+    shear[slip] = (
+        2e3 * np.random.default_rng(1).standard_normal((int(slip.sum()), 1, 1)) * np.sin(np.arange(100))[:, None]
+    )
+    shear += np.random.default_rng(2).normal(0.0, 50.0, shear.shape)
+    sheared = api.recording(raw.t_s, raw.values, SENSOR, shear=shear)
+    assert not starts(slips(rocked, mode))
+    assert starts(slips(sheared, mode))

@@ -8,7 +8,8 @@ to consent to a slip by the pose. The pattern from before it began is compared w
 - if the contact was still before, it consents unless rest explains the change clearly better, and at once if the pose
   moves by more than a pitch in the time of a bin: a load that was still does not shift so fast;
 - an object that covers the pad shows no end of its contact, where alone a rest leaves more than usual: there the odds
-  of `evidence` decide.
+  of `evidence` decide;
+- where shear is measured, too, odds for a slip are enough: they know more than the pattern does.
 
 Else the slip is suspected. The interval that is compared begins with the slip: the longer the way, the clearer the
 decision. Where the load wanders the pose may claim a slip long before there is one; then it begins after the last bin

@@ -63,6 +63,7 @@ class SlipStage:
         """The options are those of `SlipMonitor`. judged: see `SlipMonitor.watch`."""
         pads, parameters = layout.pads, parameter_records(alarms_per_hour, load_m, creep_m_s, settle_s)
         bins = (LIVE_AFTER_BINS, ()) if stream else (AFTER_BINS, BASELINE_BINS)
+        self._sheared = False  # a second witness, whose odds consent to a slip where the pattern alone does not
         self._watch = PatternWatch(layout, creep_m_s, *bins)
         self._detector = (SlipSession if stream else OfflineSlipSession)(pads, parameters)
         self._odds = (LiveOdds if stream else OfflineOdds)(layout.pitch_m)
@@ -86,6 +87,7 @@ class SlipStage:
 
     def see(self, scans: Scans) -> None:
         """Compare the patterns of scans, whose slips follow."""
+        self._sheared = scans.shear is not None
         self._changes.append(self._watch.step(scans))
         if self._loss is not None:
             self._losses.append(self._loss.of(scans))
@@ -126,6 +128,8 @@ class SlipStage:
         statistics = self._statistics[0] if len(self._statistics) == 1 else np.concatenate(self._statistics)
         since_s = self._since_s[0] if len(self._since_s) == 1 else np.concatenate(self._since_s)
         soon_s = ahead(since_s, flags, slips.t_s, self._ahead_s, count) if self._ahead_s else since_s
+        if self._sheared:
+            soon_s = np.where(odds.soon > 0.0, np.fmin(soon_s, slips.t_s[:count, np.newaxis]), soon_s)
         self._since_s = [since_s[count:]] if len(since_s) > count else []
         left = len(slips) > count
         self._slips = [cut(slips, count, len(slips))] if left else []
