@@ -79,41 +79,37 @@ class _Fit(NamedTuple):
     inside: Bools
 
 
-@kernel
 def compare(skin: Skin, before: Floats, after: Floats, noise: float, moved: Floats) -> tuple[float, float]:
     """Norms of what is left of a pattern (taxels,) if its object rests, and if it slides.
 
     before: (taxels,), the pattern at its place. noise: standard deviation of their difference. moved: (2,), in
     pitches, where the fit of the slide begins, beside the place before.
     """
-    largest = 0.0
-    for i in range(len(before)):
-        largest = max(largest, before[i], after[i])
+    largest = max(float(before.max()), float(after.max()))
     least = max(_LOADED * largest, SIGNIFICANT * noise)
-    chosen = _loaded(before, after, least)
-    if len(chosen) == 0:
+    loaded = np.flatnonzero((before > least) | (after > least))
+    if not len(loaded):
         return 0.0, 0.0
-    pair = _Pair(skin.fit @ before, np.zeros(2), after, chosen)
+    if len(loaded) > _MOST_TAXELS:
+        loaded = loaded[np.linspace(0, len(loaded) - 1, _MOST_TAXELS).round().astype(np.int64)]
+    pair = _Pair(skin.fit @ before, np.zeros(2), after, loaded)
+    return _compare(skin, pair, before, least, moved)
+
+
+@kernel
+def _compare(skin: Skin, pair: _Pair, before: Floats, least: float, moved: Floats) -> tuple[float, float]:
+    """`compare`, on the chosen taxels. least: reading of a taxel that is loaded."""
     find_centre(skin.places, before, pair.centre)
-    best, inside = np.inf, np.ones(len(chosen), np.bool_)
+    best, inside = np.inf, np.ones(len(pair.chosen), np.bool_)
     for start in range(2):
-        state, fit = np.zeros(3), _room(len(chosen))
+        state, fit = np.zeros(3), _room(len(pair.chosen))
         if start == 0:
-            state[:2] = moved
+            state[0], state[1] = moved[0], moved[1]
         left = _slide(skin, pair, state, fit)
         if left < best:
-            best = left
-            inside[:] = fit.inside
-    return np.sqrt(squares_at_rest(skin.places, before, after, chosen[inside], least)), np.sqrt(best)
-
-
-@routine
-def _loaded(before: Floats, after: Floats, least: float) -> NDArray[np.int64]:
-    """Taxels that are loaded in either pattern, at most `_MOST_TAXELS` of them."""
-    loaded = np.flatnonzero((before > least) | (after > least))
-    if len(loaded) <= _MOST_TAXELS:
-        return loaded
-    return loaded[(np.arange(_MOST_TAXELS) * (len(loaded) - 1)) // (_MOST_TAXELS - 1)]
+            best, inside = left, fit.inside
+    rest = squares_at_rest(skin.places, before, pair.after, pair.chosen[inside], least)
+    return np.sqrt(rest), np.sqrt(best)
 
 
 @routine
@@ -134,17 +130,29 @@ def _slide(skin: Skin, pair: _Pair, state: Floats, fit: _Fit) -> float:
             information[a, a] += damping * information[a, a] + stiff
         if not solve_small(information, step, 3):
             break
-        trial[:] = state - step
+        for a in range(3):
+            trial[a] = state[a] - step[a]
         found = _linearise(skin, pair, trial, other)
         damping *= 10.0
         gained = left - found
         if gained > 0.0:
             damping /= 50.0
             left = found
-            state[:], fit.left[:], fit.slopes[:], fit.inside[:] = trial, other.left, other.slopes, other.inside
+            _copy(trial, other, state, fit)
         if abs(gained) < _ENOUGH * left:
             break
     return left
+
+
+@lean_kernel
+def _copy(trial: Floats, found: _Fit, state: Floats, fit: _Fit) -> None:
+    """Keep a trial (3,) and what it leaves."""
+    for a in range(3):
+        state[a] = trial[a]
+    for k in range(len(fit.left)):
+        fit.left[k], fit.inside[k] = found.left[k], found.inside[k]
+        for a in range(3):
+            fit.slopes[k, a] = found.slopes[k, a]
 
 
 @lean_kernel

@@ -90,11 +90,11 @@ class ShiftingLoad:
         self._doubts = layout.unseen_error > 0.0
         count = len(layout.pads)
         places = np.column_stack([layout.x_m, layout.y_m])
-        self._skins = [
-            Skin.of(places[layout.of_pad(pad)] / self._pitch_m[pad]) for pad in range(count if self._doubts else 0)
-        ]
-        for skin in self._skins:  # a kernel that is compiled, or loaded, before scans come
-            compare(skin, np.zeros(len(skin.places)), np.zeros(len(skin.places)), 1.0, np.zeros(2))
+        pads = np.flatnonzero(np.diff(layout.starts)) if self._doubts else np.zeros(0, np.int64)  # that have a taxel
+        self._skins = {pad: Skin.of(places[layout.of_pad(pad)] / self._pitch_m[pad]) for pad in pads.tolist()}
+        for skin in [*self._skins.values()][:1]:  # a kernel that is compiled, or loaded, before scans come
+            even = np.ones(len(skin.places))
+            compare(skin, even, even, 0.0, np.zeros(2))
         self._claims: dict[int, _Claim] = {}
         self._ended: dict[int, _Claim] = {}
         self._coming: list[Bin] = []  # of scans that `step` has not reached

@@ -21,7 +21,8 @@ def squares_at_rest(places: Floats, before: Floats, after: Floats, chosen: NDArr
     modes, was = _modes(places, before, chosen), before[chosen] > least
     touches, model, reading = was.copy(), np.zeros(len(chosen)), after[chosen]
     normal, best = np.empty((6, 6)), np.empty(6)
-    for _ in range(ROUNDS if was.any() else 0):
+    pressed = np.count_nonzero(was)
+    for _ in range(ROUNDS if pressed > 0 else 0):
         if not _fit_modes(modes, reading, touches, normal, best):
             break
         changed = False
@@ -38,7 +39,7 @@ def squares_at_rest(places: Floats, before: Floats, after: Floats, chosen: NDArr
     left = 0.0
     for k in range(len(chosen)):
         error = reading[k] - max(model[k], 0.0)
-        if was[k] or not was.any() or (reading[k] > least and error > 0.0):
+        if was[k] or pressed == 0 or (reading[k] > least and error > 0.0):
             left += error * error
     return left
 
@@ -66,8 +67,11 @@ def _modes(places: Floats, before: Floats, chosen: NDArray[np.int64]) -> Floats:
 @routine
 def _fit_modes(modes: Floats, reading: Floats, used: Bools, normal: Floats, best: Floats) -> bool:
     """Fill best (6,) with the modes that explain readings (chosen,) where they are used; False if none is."""
+    taxels = np.flatnonzero(used)
+    if len(taxels) == 0:
+        return False
     normal[:], best[:] = 0.0, 0.0
-    for k in np.flatnonzero(used):
+    for k in taxels:
         for a in range(6):
             best[a] += modes[k, a] * reading[k]
             for b in range(a + 1):
@@ -80,7 +84,7 @@ def _fit_modes(modes: Floats, reading: Floats, used: Bools, normal: Floats, best
         for b in range(6):
             normal[a, b] /= scale[a] * scale[b]
         normal[a, a] += RIDGE
-    if not used.any() or not solve_small(normal, best, 6):
+    if not solve_small(normal, best, 6):
         return False
     best /= scale
     return True
