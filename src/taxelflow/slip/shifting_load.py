@@ -9,12 +9,13 @@ to consent to a slip by the pose. The pattern from before it began is compared w
   moves by more than a pitch in the time of a bin: a load that was still does not shift so fast;
 - an object that covers the pad shows no end of its contact, where alone a rest leaves more than usual: there the odds
   of `evidence` decide;
+- it consents where less than half of the load is on taxels that were loaded before: the object has come that far, by
+  sliding or by rolling;
 - where shear is measured, too, odds for a slip are enough: they know more than the pattern does.
 
 Else the slip is suspected. The interval that is compared begins with the slip: the longer the way, the clearer the
 decision. Where the load wanders the pose may claim a slip long before there is one; then it begins after the last bin
-that rest explained clearly better. An object that rolls brings new parts of itself into contact; where less than half
-of the load is still on taxels that were loaded before, the interval begins anew.
+that rest explained clearly better.
 """
 
 from __future__ import annotations
@@ -174,10 +175,13 @@ class ShiftingLoad:
             if claim.since_s < np.inf or seen.bin.until_s <= claim.onset_s or not touches:
                 continue
             now = self._pattern(pad, [seen])
-            if claim.before is None or shared(claim.before.pressure, now.pressure) < _SAME:
+            if claim.before is None:
                 claim.before = now
                 continue
-            self._compare(pad, claim, claim.before, now, seen.bin.noise)
+            if shared(claim.before.pressure, now.pressure) < _SAME:
+                claim.since_s = claim.rested_s
+            else:
+                self._compare(pad, claim, claim.before, now, seen.bin.noise)
             self._since_s[0, pad] = claim.since_s
 
     def _compare(self, pad: int, claim: _Claim, before: _Pattern, now: _Pattern, noise: Floats) -> None:

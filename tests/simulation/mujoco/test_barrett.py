@@ -140,7 +140,7 @@ def test_hold_stops_a_jar_that_the_slip_stage_once_did_not_notice() -> None:
     course = Course(Trial.drawn(60003, "jar", "weak"), Hold(), hand="barrett", end_s=1.6)
     seen = list(course)
     assert any(one.touch.slipping.any() for one in seen)
-    assert seen[-1].slid_m < 0.005
+    assert seen[-1].slid_m < 0.006
     assert seen[-1].moment.truth.speed_m_s < 1e-3
 
 
