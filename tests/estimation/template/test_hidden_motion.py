@@ -75,7 +75,7 @@ def test_gains_that_scatter_by_twice_the_declared_error_do_not_show_it(way: floa
     assert ok_share("smooth plate", way, mode, 0.1) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("taxels", [12, 24])
+@pytest.mark.parametrize("taxels", [12, pytest.param(24, marks=pytest.mark.long)])
 @pytest.mark.parametrize("way", [ANGLE, ANGLE + 1.2], ids=["along", "obliquely"])
 def test_such_gains_are_not_the_texture_of_a_plate_on_larger_pads(way: float, taxels: int) -> None:
     assert ok_share("faint plate", way, "batch", 0.1, taxels) == (0.0, 0.0)
