@@ -90,12 +90,7 @@ class ShiftingLoad:
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         self._doubts = layout.unseen_error > 0.0
         count = len(layout.pads)
-        places = np.column_stack([layout.x_m, layout.y_m])
-        pads = np.flatnonzero(np.diff(layout.starts)) if self._doubts else np.zeros(0, np.int64)  # that have a taxel
-        self._skins = {pad: Skin.of(places[layout.of_pad(pad)] / self._pitch_m[pad]) for pad in pads.tolist()}
-        for skin in [*self._skins.values()][:1]:  # a kernel that is compiled, or loaded, before scans come
-            even = np.ones(len(skin.places))
-            compare(skin, even, even, 0.0, np.zeros(2))
+        self._skins: dict[int, Skin] = {}
         self._claims: dict[int, _Claim] = {}
         self._ended: dict[int, _Claim] = {}
         self._coming: list[Bin] = []  # of scans that `step` has not reached
@@ -103,6 +98,23 @@ class ShiftingLoad:
         self._stirred: list[tuple[float, Floats]] = []  # first time of a bin, and (pads,) of it
         self._path_m = np.zeros((count, 2))
         self._since_s = np.full((1, count), -np.inf)
+
+    def prepare(self) -> None:
+        """Make ready what a comparison needs, so that none of a stream waits for it."""
+        for pad in np.flatnonzero(np.diff(self._layout.starts)).tolist() if self._doubts else ():
+            skin = self._skin(pad)
+            even = np.ones(len(skin.places))
+            compare(skin, even, even, 0.0, np.zeros(2))
+
+    def _skin(self, pad: int) -> Skin:
+        """The taxels of a pad; those of its contacts are the same."""
+        layout = self._layout
+        whole = int(layout.contact_of[pad]) if layout.contact_of[pad] >= 0 else pad
+        if whole not in self._skins:
+            own = layout.of_pad(whole)
+            places_m = np.column_stack([layout.x_m[own], layout.y_m[own]])
+            self._skins[whole] = Skin.of(places_m / self._pitch_m[whole])
+        return self._skins[whole]
 
     def step(self, slips: Slips, events: list[Event], changes: PatternChanges, completed: list[Bin]) -> Floats:
         """(scans, pads), since when the pattern consents to a slip by the pose that goes on; inf where it does not.
@@ -188,7 +200,7 @@ class ShiftingLoad:
         """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?"""
         moved = (now.path_m - before.path_m) / self._pitch_m[pad]
         one = float(np.median(noise[self._layout.of_pad(pad)]) * np.sqrt(1.0 / before.scans + 1.0 / now.scans))
-        rest, slide = compare(self._skins[pad], before.pressure, now.pressure, one, moved)
+        rest, slide = compare(self._skin(pad), before.pressure, now.pressure, one, moved)
         first = claim.still and not claim.compared
         odd = covers(before.pressure, now.pressure) and _is_odd(before, now, rest, one)
         if odd or rest > _CLEARLY * slide or (first and slide < _CLEARLY * rest):

@@ -70,6 +70,8 @@ class SlipStage:
         self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)
         self._verdict = Verdict(layout, stream=stream, judged=judged)
         self._shifts, self._ahead_s = ShiftingLoad(layout), 0.0 if stream else OFFLINE_AHEAD_S
+        if stream:
+            self._shifts.prepare()
         self._since_s: list[Floats] = []  # when patterns consent, of scans that are not judged yet
         self._completed = SlipEvents(pads, stream=stream)
         self._loss = None if stream else BorderLoss(layout)
