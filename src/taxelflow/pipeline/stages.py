@@ -13,6 +13,7 @@ from taxelflow.contacts.features import ContactFeatures
 from taxelflow.errors import CalibrationUnfit, NameUnknown, RunEnded, TaxelflowError
 from taxelflow.estimation.base import Background, Calibratable, Learning, Mode
 from taxelflow.estimation.completion import SlipsSession, judges
+from taxelflow.estimation.rest_hypothesis import RestHypothesis
 from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.fusion.spatial.parameters import SpatialField
@@ -158,6 +159,7 @@ class Run:
         self._moved_apart: list[Bools] = []
         self._estimated: list[Slips] = []
         self._slip = pipeline.monitor.watch(layout, stream=self._stream, judged=judges(self._estimator))
+        self._rest_hypothesis = RestHypothesis(layout, stream=self._stream)
         self._ended = False
         self._nothing = self._without_scans(no_scans(layout.entries, len(layout.pads)))
 
@@ -244,7 +246,7 @@ class Run:
         self._segmented.append(segmented.contacts)
         self._textures.append(segmented.texture)
         self._moved_apart.append(segmented.moved_apart)
-        self._slip.see(segmented.scans)
+        self._rest_hypothesis.see(self._slip.see(segmented.scans))
         yield from self._detect(self._estimate.step(segmented.scans))
 
     def _detect(self, slips: Slips) -> Iterator[Output]:
@@ -257,6 +259,7 @@ class Run:
         self._moved_apart = [moved_apart[len(slips) :]] if len(moved_apart) > len(slips) else []
         if moved_apart.any():
             slips.quality[moved_apart[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no rigid object moves so
+        self._rest_hypothesis.step(slips)
         self._estimated.append(slips.whole())  # slips are detected by what noise does
         yield from self._judged(self._slip.step(slips))
 
@@ -267,6 +270,7 @@ class Run:
                 yield replace(self._nothing, events=judged.events)
             return
         slips, self._estimated = split(self._estimated, len(judged))
+        slips = self._rest_hypothesis.doubted(slips)
         contacts, self._segmented = split(self._segmented, len(judged))
         texture, self._textures = split(self._textures, len(judged))
         motions = self._fuse.step(slips, contacts.centroid, texture)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import joined
+from taxelflow.numerics.bins import BIN_S
 from taxelflow.slip.evidence import (
     AT_REST,
     REST_CHANGE,
@@ -21,7 +22,7 @@ from taxelflow.slip.evidence import (
     looked_back,
     updated,
 )
-from taxelflow.slip.pattern_change import BASELINE_BINS, BEFORE_BINS, BIN_S
+from taxelflow.slip.pattern_change import BASELINE_BINS, BEFORE_BINS
 from taxelflow.slip.pose_rest import PoseRest
 from taxelflow.slip.restless import RestlessPads
 from taxelflow.slip.shear_rest import ShearRest

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taxelflow.numerics.bins import BIN_S, Bin, Binning
 from taxelflow.numerics.rounding import ROUNDING, SIGNIFICANT
 from taxelflow.slip.shear_change import ShearNoise, spread
 
@@ -28,14 +29,10 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Scans
     from taxelflow.sensors.layout import Layout
 
-BIN_S = 0.1
-"""Duration of a bin. The slowest of the soft skins scan ten times a second."""
 BEFORE_BINS = 2
 """Bins whose mean is the pattern at rest. Two or three detect equally well."""
 BASELINE_BINS = (10, 20)
 """Bins between the patterns that a recording compares over longer baselines: 1 and 2 s."""
-_LONGEST_BIN_S = 0.25
-"""A longer time between two scans is a gap. Sensors that scan that slowly give no evidence."""
 STEADY_RISE = 0.1
 """Change of the log load above which a grip closes or opens: the contact is not at rest."""
 _OWN = 6
@@ -73,23 +70,6 @@ class PatternChanges:
         return len(self.t_s)
 
 
-@dataclass(slots=True, eq=False)
-class Bin:
-    """Sum of scans. touching, whole: (pads,), contact and no missing taxel in all of them. clipped: (entries,), at the
-    end of its range in any of them. noise: (entries,), standard deviation of one reading.
-    """
-
-    since_s: float
-    until_s: float
-    pressure: Floats
-    clipped: Bools
-    touching: Bools
-    whole: Bools
-    shear: Floats | None
-    noise: Floats
-    scans: int = 1
-
-
 class PatternWatch:
     """Compares patterns from bin to bin; the result does not depend on how the scans are cut into blocks."""
 
@@ -107,10 +87,9 @@ class PatternWatch:
         self._creep_m = creep_m_s * (after + BEFORE_BINS + 2) / 2 * BIN_S
         self._after, self._longer = after, longer
         self._bins: deque[Bin] = deque(maxlen=BEFORE_BINS + max((1, *longer)) + after)
+        self._binning = Binning()
         self.completed: list[Bin] | None = [] if layout.unseen_error else None
         """Bins since the last that was taken out, where `ShiftingLoad` needs them."""
-        self._open: Bin | None = None
-        self._last_s = -np.inf
         self._shear_noise = ShearNoise(layout)
         self._unchanged = self._filled(*self._nothing_found((1, len(layout.pads))))
 
@@ -118,8 +97,8 @@ class PatternWatch:
         """Changes of the scans that follow those of the last call."""
         shear_noise = self._shear_noise.step(scans, scans.shear) if scans.shear is not None and len(scans) else None
         found: tuple[Floats, Bools, Floats] | None = None
-        for scan, t_s in enumerate(scans.t_s.tolist()):
-            if self._completed(scans, scan, t_s) and len(self._bins) > BEFORE_BINS + self._after:
+        for scan in range(len(scans)):
+            if self._completed(scans, scan) and len(self._bins) > BEFORE_BINS + self._after:
                 found = found or self._nothing_found(scans.contact.shape)
                 centre_s, touching, values = found
                 centre = self._bins[-1 - self._after]
@@ -141,31 +120,16 @@ class PatternWatch:
         shape = (*touching.shape, len(self._longer), 3)
         return centre_s, touching, *values[:_OWN], np.moveaxis(values[_OWN:], 0, -1).reshape(shape)
 
-    def _completed(self, scans: Scans, scan: int, t_s: float) -> bool:
+    def _completed(self, scans: Scans, scan: int) -> bool:
         """Add a scan to the open bin; whether that completes it."""
-        step_s, self._last_s = t_s - self._last_s, t_s
-        if step_s > _LONGEST_BIN_S:
+        found = self._binning.add(scans, scan)
+        if self._binning.after_gap:
             self._bins.clear()
-            self._open = None
-        pressure, touching, whole = scans.pressure[scan], scans.contact[scan], scans.complete[scan]
-        shear, clipped = None if scans.shear is None else scans.shear[scan], pressure >= scans.ceiling
-        if self._open is None:
-            shear = None if shear is None else shear.copy()
-            self._open = Bin(t_s, t_s, pressure.copy(), clipped, touching, whole, shear, scans.noise)
-        else:
-            self._open.pressure += pressure
-            self._open.clipped |= clipped
-            if self._open.shear is not None and shear is not None:
-                self._open.shear += shear
-            self._open.touching = self._open.touching & touching
-            self._open.whole = self._open.whole & whole
-            self._open.scans, self._open.until_s = self._open.scans + 1, t_s
-        if t_s - self._open.since_s + 1.5 * min(step_s, _LONGEST_BIN_S) < BIN_S:
+        if found is None:
             return False
-        self._bins.append(self._open)
+        self._bins.append(found)
         if self.completed is not None:
-            self.completed.append(self._open)
-        self._open = None
+            self.completed.append(found)
         return True
 
     def _sides(self, between: int = 1) -> tuple[list[Bin], list[Bin]]:

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.bins import BIN_S
 from taxelflow.slip.evidence import GROWTH, REST_CHANGE, REST_S, first_growths
-from taxelflow.slip.pattern_change import BIN_S, STEADY_RISE
+from taxelflow.slip.pattern_change import STEADY_RISE
 
 if TYPE_CHECKING:
     from taxelflow.slip.pattern_change import PatternChanges

@@ -27,15 +27,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import Floats
+from taxelflow.numerics.bins import BIN_S
+from taxelflow.numerics.rest_or_slide import SAME, compare, covers, shared
 from taxelflow.runtime.compiling import kernel
+from taxelflow.sensors.skins import prepare, skin_of
 from taxelflow.slip.evidence import GROWTH, REST_CHANGE, REST_EXPONENT, log_likelihood_ratio
-from taxelflow.slip.pattern_change import BEFORE_BINS, BIN_S
-from taxelflow.slip.rest_or_slide import Skin, compare, covers, shared
+from taxelflow.slip.pattern_change import BEFORE_BINS
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Event, Slips
+    from taxelflow.numerics.bins import Bin
     from taxelflow.sensors.layout import Layout
-    from taxelflow.slip.pattern_change import Bin, PatternChanges
+    from taxelflow.slip.pattern_change import PatternChanges
 
 _CLEARLY = 1.5
 """Times as much as the other that a hypothesis must leave of a pattern to be refused; maps are held to the same."""
@@ -45,8 +48,6 @@ _STILL_BINS, _STIRRED = 6, 0.25
 """A contact was still if of at least this many bins at a steady load at most this share was stirred: see `restless`."""
 _WINDOW_S = 3 * BIN_S
 """From the first scan of a bin to the end of those after it."""
-_SAME = 0.5
-"""Share of the load that must be on taxels that were loaded before, for two patterns to be compared."""
 
 
 @dataclass(slots=True, eq=False)
@@ -90,7 +91,6 @@ class ShiftingLoad:
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         self._doubts = layout.unseen_error > 0.0
         count = len(layout.pads)
-        self._skins: dict[int, Skin] = {}
         self._claims: dict[int, _Claim] = {}
         self._ended: dict[int, _Claim] = {}
         self._coming: list[Bin] = []  # of scans that `step` has not reached
@@ -101,20 +101,8 @@ class ShiftingLoad:
 
     def prepare(self) -> None:
         """Make ready what a comparison needs, so that none of a stream waits for it."""
-        for pad in np.flatnonzero(np.diff(self._layout.starts)).tolist() if self._doubts else ():
-            skin = self._skin(pad)
-            even = np.ones(len(skin.places))
-            compare(skin, even, even, 0.0, np.zeros(2))
-
-    def _skin(self, pad: int) -> Skin:
-        """The taxels of a pad; those of its contacts are the same."""
-        layout = self._layout
-        whole = int(layout.contact_of[pad]) if layout.contact_of[pad] >= 0 else pad
-        if whole not in self._skins:
-            own = layout.of_pad(whole)
-            places_m = np.column_stack([layout.x_m[own], layout.y_m[own]])
-            self._skins[whole] = Skin.of(places_m / self._pitch_m[whole])
-        return self._skins[whole]
+        if self._doubts:
+            prepare(self._layout)
 
     def step(self, slips: Slips, events: list[Event], changes: PatternChanges, completed: list[Bin]) -> Floats:
         """(scans, pads), since when the pattern consents to a slip by the pose that goes on; inf where it does not.
@@ -190,7 +178,7 @@ class ShiftingLoad:
             if claim.before is None:
                 claim.before = now
                 continue
-            if shared(claim.before.pressure, now.pressure) < _SAME:
+            if shared(claim.before.pressure, now.pressure) < SAME:
                 claim.since_s = claim.rested_s
             else:
                 self._compare(pad, claim, claim.before, now, seen.bin.noise)
@@ -200,12 +188,13 @@ class ShiftingLoad:
         """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?"""
         moved = (now.path_m - before.path_m) / self._pitch_m[pad]
         one = float(np.median(noise[self._layout.of_pad(pad)]) * np.sqrt(1.0 / before.scans + 1.0 / now.scans))
-        rest, slide = compare(self._skin(pad), before.pressure, now.pressure, one, moved)
+        left = compare(skin_of(self._layout, pad), before.pressure, now.pressure, one, np.array([*moved, 0.0]))
         first = claim.still and not claim.compared
-        odd = covers(before.pressure, now.pressure) and _is_odd(before, now, rest, one)
-        if odd or rest > _CLEARLY * slide or (first and slide < _CLEARLY * rest):
+        odd = covers(before.pressure, now.pressure) and _is_odd(before, now, left.norm, one)
+        explains = left.follows(moved) and left.rest > (1.0 / _CLEARLY if first else _CLEARLY) * left.slide
+        if odd or explains:
             claim.since_s = claim.rested_s
-        elif slide >= _CLEARLY * rest and not claim.still:
+        elif left.slide >= _CLEARLY * left.rest and not claim.still:
             claim.rested_s = now.until_s
         claim.compared = True
 

@@ -21,6 +21,7 @@ from taxelflow.slip.verdict import Posed, Verdict
 
 if TYPE_CHECKING:
     from taxelflow.messages import Scans, Slips
+    from taxelflow.numerics.bins import Bin
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.session import Detected
 
@@ -87,12 +88,13 @@ class SlipStage:
         """(pads,), see `SlipSession.scatter`."""
         return self._detector.scatter
 
-    def see(self, scans: Scans) -> None:
-        """Compare the patterns of scans, whose slips follow."""
-        self._sheared = scans.shear is not None
+    def see(self, scans: Scans) -> list[Bin]:
+        """Compare the patterns of scans, whose slips follow; the bins that they complete, where those are compared."""
+        self._sheared, before = scans.shear is not None, len(self._watch.completed or ())
         self._changes.append(self._watch.step(scans))
         if self._loss is not None:
             self._losses.append(self._loss.of(scans))
+        return self._watch.completed[before:] if self._watch.completed else []
 
     def step(self, slips: Slips) -> Judged:
         """Judge scans that were seen, which follow those of the last call."""

@@ -11,16 +11,24 @@ from taxelflow.runtime.compiling import lean_kernel, routine
 
 RIDGE = 1e-6
 """Relative stiffness of what readings do not determine, as both modes of an even pressure."""
+MODES = 6
+"""Changes at rest, see `_modes`."""
 ROUNDS = 8
 """Rounds that find which taxels are in contact, and steps of the fit of a slide."""
 
 
 @routine
-def squares_at_rest(places: Floats, before: Floats, after: Floats, chosen: NDArray[np.int64], least: float) -> float:
-    """Squares that are left of a pattern (taxels,), on the chosen taxels, if its object has only sunk and tilted."""
+def squares_at_rest(
+    places: Floats, before: Floats, after: Floats, chosen: NDArray[np.int64], least: float
+) -> tuple[float, float]:
+    """Squares that are left of a pattern (taxels,), on the chosen taxels, if its object has only sunk and tilted; and
+    their degrees of freedom.
+
+    Where the contact has ended, or begun by less than the plane allows, a taxel contradicts nothing, and fits nothing.
+    """
     modes, was = _modes(places, before, chosen), before[chosen] > least
     touches, model, reading = was.copy(), np.zeros(len(chosen)), after[chosen]
-    normal, best = np.empty((6, 6)), np.empty(6)
+    normal, best = np.empty((MODES, MODES)), np.empty(MODES)
     pressed = np.count_nonzero(was)
     for _ in range(ROUNDS if pressed > 0 else 0):
         if not _fit_modes(modes, reading, touches, normal, best):
@@ -28,7 +36,7 @@ def squares_at_rest(places: Floats, before: Floats, after: Floats, chosen: NDArr
         changed = False
         for k in range(len(chosen)):
             model[k] = 0.0
-            for a in range(6):
+            for a in range(MODES):
                 model[k] += modes[k, a] * best[a]
             loaded = reading[k] > least
             now = (model[k] > 0.0 or loaded) if was[k] else (reading[k] > model[k] and loaded)
@@ -41,13 +49,19 @@ def squares_at_rest(places: Floats, before: Floats, after: Floats, chosen: NDArr
         error = reading[k] - max(model[k], 0.0)
         if was[k] or pressed == 0 or (reading[k] > least and error > 0.0):
             left += error * error
-    return left
+    return left, freedom(np.count_nonzero(touches), MODES)
+
+
+@lean_kernel
+def freedom(readings: np.integer, unknowns: int) -> float:
+    """Degrees of freedom of a fit; half of one where it has none, and decides nothing."""
+    return float(max(readings - unknowns, 0.5))
 
 
 @routine
 def _modes(places: Floats, before: Floats, chosen: NDArray[np.int64]) -> Floats:
     """(chosen, 6), changes at rest: the pressure before, and 1, each times 1, x and y about its centre."""
-    modes, centre = np.empty((len(chosen), 6)), np.zeros(2)
+    modes, centre = np.empty((len(chosen), MODES)), np.zeros(2)
     own = before[chosen]
     find_centre(places[chosen], own, centre)
     squares = 0.0
@@ -72,19 +86,19 @@ def _fit_modes(modes: Floats, reading: Floats, used: Bools, normal: Floats, best
         return False
     normal[:], best[:] = 0.0, 0.0
     for k in taxels:
-        for a in range(6):
+        for a in range(MODES):
             best[a] += modes[k, a] * reading[k]
             for b in range(a + 1):
                 normal[a, b] += modes[k, a] * modes[k, b]
     mirror(normal)
     scale = np.sqrt(np.diag(normal))
     scale[scale == 0.0] = 1.0
-    for a in range(6):
+    for a in range(MODES):
         best[a] /= scale[a]
-        for b in range(6):
+        for b in range(MODES):
             normal[a, b] /= scale[a] * scale[b]
         normal[a, a] += RIDGE
-    if not solve_small(normal, best, 6):
+    if not solve_small(normal, best, MODES):
         return False
     best /= scale
     return True

@@ -1,14 +1,6 @@
-"""Which explains how a pattern has changed: an object that rests while its load shifts, or one that slides?
+"""A pattern that has slid and turned, with one gain and one sinking, see `rest_or_slide`.
 
-A rigid object on an elastic skin presses each taxel in proportion to how deep it lies there. Held at its place, it can
-only sink and tilt, which adds a plane to the pressure. Softer skins change in proportion to their pressure, too:
-
-    rest:   y = max(q (g + a . r) + (c + b . r), 0),
-    slide:  y = g q(R(r - d)),                           not below 0.
-
-q is the pattern before, y the one after, r the place of a taxel. Where q is 0, the object may come down by any part of
-what the plane has there: new contact up to it is no contradiction. The slide reads q between its taxels, where the
-smoothest surface through them continues it. What was not over the pad before is left out of both.
+The pattern before is read between its taxels, where the smoothest surface through them continues it.
 """
 
 from __future__ import annotations
@@ -19,21 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.small_linalg import solve_small
-from taxelflow.runtime.compiling import kernel, lean_kernel, routine
-from taxelflow.slip.sunk_and_tilted import RIDGE, ROUNDS, find_centre, squares_at_rest
+from taxelflow.numerics.sunk_and_tilted import RIDGE, ROUNDS
+from taxelflow.runtime.compiling import lean_kernel, routine
 
-_LOADED = 0.03
-"""Share of the largest reading below which a taxel may be unloaded: cross-talk and offsets reach that far."""
+UNKNOWNS = 5
+"""Of a slide: place, angle, gain and sinking."""
 _HALF = 0.6
 """Pitches to which a taxel reads around its centre, with a tenth to spare."""
 _ENOUGH = 1e-3
 """Share of the squares that a step must change to be followed by another."""
 _DAMPING = 1e-3
-"""Of the first step of the fit of a slide, relative to its information."""
-_MOST_TAXELS = 100
-"""Taxels that decide, evenly spread over a large contact."""
+"""Of the first step, relative to its information."""
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -60,67 +49,39 @@ class Skin(NamedTuple):
         return cls(np.ascontiguousarray(places), places.min(axis=0) - _HALF, places.max(axis=0) + _HALF, fit)
 
 
-class _Pair(NamedTuple):
+class Pair(NamedTuple):
     """What a slide explains: the surface before (taxels + 3,) and its centre (2,), and the pattern after (taxels,) on
-    the chosen taxels.
+    the chosen taxels. least: reading of a taxel that is loaded.
     """
 
     surface: Floats
     centre: Floats
     after: Floats
     chosen: NDArray[np.int64]
+    least: float
 
 
-class _Fit(NamedTuple):
-    """Of the chosen taxels: what a slide leaves, its slopes (chosen, 3), and whether a taxel was over the pad."""
+class Fit(NamedTuple):
+    """Of the chosen taxels: what a slide leaves, its slopes (chosen, 3), and whether a taxel was over the pad. sums:
+    (3, 5), products of the pattern, of 1 on its loaded taxels, and of the readings, with these and the slopes.
+    """
 
     left: Floats
     slopes: Floats
     inside: Bools
-
-
-def compare(skin: Skin, before: Floats, after: Floats, noise: float, moved: Floats) -> tuple[float, float]:
-    """Norms of what is left of a pattern (taxels,) if its object rests, and if it slides.
-
-    before: (taxels,), the pattern at its place. noise: standard deviation of their difference. moved: (2,), in
-    pitches, where the fit of the slide begins, beside the place before.
-    """
-    largest = max(float(before.max()), float(after.max()))
-    least = max(_LOADED * largest, SIGNIFICANT * noise)
-    loaded = np.flatnonzero((before > least) | (after > least))
-    if not len(loaded):
-        return 0.0, 0.0
-    if len(loaded) > _MOST_TAXELS:
-        loaded = loaded[np.linspace(0, len(loaded) - 1, _MOST_TAXELS).round().astype(np.int64)]
-    pair = _Pair(skin.fit @ before, np.zeros(2), after, loaded)
-    return _compare(skin, pair, before, least, moved)
-
-
-@kernel
-def _compare(skin: Skin, pair: _Pair, before: Floats, least: float, moved: Floats) -> tuple[float, float]:
-    """`compare`, on the chosen taxels. least: reading of a taxel that is loaded."""
-    find_centre(skin.places, before, pair.centre)
-    best, inside = np.inf, np.ones(len(pair.chosen), np.bool_)
-    for start in range(2):
-        state, fit = np.zeros(3), _room(len(pair.chosen))
-        if start == 0:
-            state[0], state[1] = moved[0], moved[1]
-        left = _slide(skin, pair, state, fit)
-        if left < best:
-            best, inside = left, fit.inside
-    rest = squares_at_rest(skin.places, before, pair.after, pair.chosen[inside], least)
-    return np.sqrt(rest), np.sqrt(best)
+    sums: Floats
 
 
 @routine
-def _room(count: int) -> _Fit:
-    return _Fit(np.empty(count), np.empty((count, 3)), np.ones(count, np.bool_))
+def room_for(count: int) -> Fit:
+    """A fit of this many taxels."""
+    return Fit(np.empty(count), np.empty((count, 3)), np.ones(count, np.bool_), np.empty((3, 5)))
 
 
 @routine
-def _slide(skin: Skin, pair: _Pair, state: Floats, fit: _Fit) -> float:
+def slide(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
     """Squares that the best slide leaves, from a state (x, y, angle) about the centre, with what it explains in fit."""
-    damping, trial, other = _DAMPING, np.empty(3), _room(len(pair.chosen))
+    damping, trial, other = _DAMPING, np.empty(3), room_for(len(pair.chosen))
     information, step = np.empty((3, 3)), np.empty(3)
     left = _linearise(skin, pair, state, fit)
     for _ in range(ROUNDS):
@@ -145,7 +106,7 @@ def _slide(skin: Skin, pair: _Pair, state: Floats, fit: _Fit) -> float:
 
 
 @lean_kernel
-def _copy(trial: Floats, found: _Fit, state: Floats, fit: _Fit) -> None:
+def _copy(trial: Floats, found: Fit, state: Floats, fit: Fit) -> None:
     """Keep a trial (3,) and what it leaves."""
     for a in range(3):
         state[a] = trial[a]
@@ -156,7 +117,7 @@ def _copy(trial: Floats, found: _Fit, state: Floats, fit: _Fit) -> None:
 
 
 @lean_kernel
-def _add_normal(fit: _Fit, information: Floats, step: Floats) -> None:
+def _add_normal(fit: Fit, information: Floats, step: Floats) -> None:
     """Fill the normal matrix (3, 3) and right-hand side (3,) of a fit."""
     for a in range(3):
         step[a] = 0.0
@@ -170,11 +131,42 @@ def _add_normal(fit: _Fit, information: Floats, step: Floats) -> None:
 
 
 @lean_kernel
-def _linearise(skin: Skin, pair: _Pair, state: Floats, fit: _Fit) -> float:
+def _linearise(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
     """Fill in what a slide (x, y, angle) about the centre leaves, and its slopes; return the squares left."""
+    _read(skin, pair, state, fit)
+    sums, slopes = fit.sums, fit.slopes
+    power, even, once = sums[0, 0] * (1.0 + RIDGE) + _TINY, sums[0, 1], sums[1, 1] + RIDGE
+    square = power * once - even * even
+    gain = (sums[2, 0] * once - sums[2, 1] * even) / square
+    sunk = (sums[2, 1] * power - sums[2, 0] * even) / square
+    if gain < 0.0:
+        gain, sunk = sums[2, 0] / power, 0.0
+    total = 0.0
+    for k in range(len(pair.chosen)):
+        value = fit.left[k]
+        loaded = value > pair.least
+        for a in range(3):
+            # Gain and sinking follow each motion: what they explain of the slopes is none of theirs.
+            by_value = (sums[0, 2 + a] * once - sums[1, 2 + a] * even) / square
+            by_one = (sums[1, 2 + a] * power - sums[0, 2 + a] * even) / square
+            slopes[k, a] = gain * (slopes[k, a] - by_value * value - (by_one if loaded else 0.0))
+        reading = pair.after[pair.chosen[k]] if fit.inside[k] else 0.0
+        left = reading - max(gain * value + (sunk if loaded else 0.0), 0.0)
+        if not loaded and left > 0.0:  # new contact up to the sinking is no contradiction
+            left = max(left - max(sunk, 0.0), 0.0)
+        fit.left[k] = left
+        total += left * left
+    return total
+
+
+@lean_kernel
+def _read(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> None:
+    """Fill fit.left with the pattern before as a slide (x, y, angle) has moved it, and its slopes, inside and sums."""
     cos, sin = np.cos(state[2]), np.sin(state[2])
-    (cx, cy), slopes = (pair.centre[0], pair.centre[1]), fit.slopes
-    power = product = by_x = by_y = by_turn = 0.0
+    (cx, cy), slopes, sums = (pair.centre[0], pair.centre[1]), fit.slopes, fit.sums
+    for a in range(3):
+        for b in range(5):
+            sums[a, b] = 0.0
     for k in range(len(pair.chosen)):
         i = pair.chosen[k]
         off_x, off_y = skin.places[i, 0] - state[0] - cx, skin.places[i, 1] - state[1] - cy
@@ -187,22 +179,16 @@ def _linearise(skin: Skin, pair: _Pair, state: Floats, fit: _Fit) -> float:
         slopes[k, 0] = cos * along_x - sin * along_y
         slopes[k, 1] = sin * along_x + cos * along_y
         slopes[k, 2] = along_y * x - along_x * y
-        power += value * value
-        product += value * pair.after[i] if fit.inside[k] else 0.0
-        by_x += value * slopes[k, 0]
-        by_y += value * slopes[k, 1]
-        by_turn += value * slopes[k, 2]
-    power = max(power, _TINY)
-    gain, total = product / power, 0.0
-    for k in range(len(pair.chosen)):
-        # The gain follows each motion: what it explains of the slopes is none of theirs.
-        share = fit.left[k] / power
-        slopes[k, 0] = gain * (slopes[k, 0] - share * by_x)
-        slopes[k, 1] = gain * (slopes[k, 1] - share * by_y)
-        slopes[k, 2] = gain * (slopes[k, 2] - share * by_turn)
-        fit.left[k] = (pair.after[pair.chosen[k]] if fit.inside[k] else 0.0) - gain * fit.left[k]
-        total += fit.left[k] * fit.left[k]
-    return total
+        one = 1.0 if value > pair.least else 0.0
+        reading = pair.after[i] if fit.inside[k] else 0.0
+        sums[0, 0] += value * value
+        sums[0, 1] += value * one
+        sums[1, 1] += one
+        sums[2, 0] += reading * value
+        sums[2, 1] += reading * one
+        for a in range(3):
+            sums[0, 2 + a] += value * slopes[k, a]
+            sums[1, 2 + a] += one * slopes[k, a]
 
 
 @lean_kernel
@@ -218,15 +204,3 @@ def _surface(places: Floats, surface: Floats, x: float, y: float) -> tuple[float
         by_x += 3.0 * bent * off_x
         by_y += 3.0 * bent * off_y
     return value, by_x, by_y
-
-
-def covers(before: Floats, after: Floats) -> bool:
-    """Whether all taxels (taxels,) are loaded in both patterns: none is at the end of the contact."""
-    return bool(np.minimum(before, after).min() > _LOADED * max(before.max(), after.max()))
-
-
-def shared(before: Floats, after: Floats) -> float:
-    """Share of the load of a pattern (taxels,) on taxels that were loaded in the one before."""
-    load, was = np.maximum(after, 0.0), before > _LOADED * before.max()
-    total = float(load.sum())
-    return float(load[was].sum()) / total if total > 0.0 else 0.0

@@ -1,0 +1,204 @@
+"""Poses beside the hypothesis that the object rests while its load shifts.
+
+Every pose follows the load. A hand that swings, pulls or tilts an object shifts the load, and the object stays. So on a
+sensor with an `unseen_error` the distance from where the object rested last, its reference, is a part of the covariance
+until the pattern contradicts: until a slide explains its change since then at least as well as rest does, see
+`rest_or_slide`. Patterns are compared from bin to bin. Where less than half of the load is still on taxels that were
+loaded at the reference, the object has come that far.
+
+An object that has moved, and then stays, has a new reference. A batch knows how an excursion from the reference goes
+on: if a slide explains it within 2 s, it was one from its beginning.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.messages import AMBIGUOUS, OK, Bools, Bytes, Floats
+from taxelflow.numerics.rest_or_slide import SAME, compare, shared
+from taxelflow.numerics.rounding import BLURRED
+from taxelflow.numerics.small_linalg import eigenvalues2
+from taxelflow.runtime.compiling import kernel
+from taxelflow.sensors.skins import skin_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from taxelflow.messages import Slips
+    from taxelflow.numerics.bins import Bin
+    from taxelflow.sensors.layout import Layout
+
+AHEAD_S = 2.0
+"""Time from which a batch learns how an excursion goes on; slips are judged as far ahead."""
+_NEAR = 0.1
+"""Pitches from its reference up to which an object rests: so small a shift contradicts nothing."""
+_STAYS_S = 0.4
+"""Time for which an object that has moved stays within a quarter of a pitch until it rests."""
+
+
+@dataclass(slots=True, eq=False)
+class _Reference:
+    """Where an object rests: pressure (taxels,), mean of some scans, and place (3,) in pitches and rad."""
+
+    pressure: Floats
+    scans: int
+    place: Floats
+
+
+@dataclass(slots=True, eq=False)
+class _Rows:
+    """Scans whose poses are not judged yet. t_s: (scans,). origin_m: (scans, pads, 2), of the reference; NaN if none.
+    moved: (scans, pads), whether a slide explains the pattern. excursion: (scans, pads), counts returns.
+    """
+
+    t_s: Floats
+    origin_m: Floats
+    moved: Bools
+    excursion: NDArray[np.int64]
+
+
+class RestHypothesis:
+    """Follows all pads. `see` gets bins of scans, `step` their poses, `doubted` the oldest of these once more."""
+
+    def __init__(self, layout: Layout, *, stream: bool) -> None:
+        self._layout, self._ahead_s = layout, 0.0 if stream else AHEAD_S
+        self._doubts = layout.unseen_error > 0.0
+        self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
+        pads = len(layout.pads)
+        self._coming: deque[Bin] = deque()
+        self._references: dict[int, _Reference] = {}
+        self._stays: dict[int, tuple[Floats, float]] = {}  # where an object stays, and since when
+        self._known = np.zeros(pads, dtype=np.bool_)
+        self._origin_m = np.full((pads, 2), np.nan)
+        self._moved = np.zeros(pads, dtype=np.bool_)
+        self._excursion = np.zeros(pads, dtype=np.int64)
+        self._rows: list[_Rows] = []
+        none = np.zeros((0, pads, 2))
+        _widen(none, none, np.zeros((0, pads), np.bool_), self._pitch_m, np.zeros((0, pads, 3, 3)), _no_bytes(pads))
+
+    def see(self, bins: list[Bin]) -> None:
+        """Bins that scans have completed, whose poses follow."""
+        if self._doubts:
+            self._coming += bins
+
+    def step(self, slips: Slips) -> None:
+        """Poses of scans, which follow those of the last call."""
+        if not self._doubts:
+            return
+        known = slips.contact & np.isfinite(slips.pose[..., 0])
+        origin_m, moved = np.empty((*known.shape, 2)), np.empty_like(known)
+        excursion = np.empty(known.shape, dtype=np.int64)
+        for scan, t_s in enumerate(slips.t_s.tolist()):
+            if known[scan].tobytes() != self._known.tobytes():
+                self._end(known[scan])
+            while self._coming and self._coming[0].until_s <= t_s:
+                self._compare(self._coming.popleft(), slips.pose[scan])
+            origin_m[scan], moved[scan], excursion[scan] = self._origin_m, self._moved, self._excursion
+        self._rows.append(_Rows(slips.t_s, origin_m, moved, excursion))
+
+    def doubted(self, slips: Slips) -> Slips:
+        """The oldest scans of `step` whose poses were not given out yet, with the covariance that rest asks for."""
+        count = len(slips)
+        if not self._doubts or not count:
+            return slips
+        rows = self._rows[0] if len(self._rows) == 1 else _joined(self._rows)
+        self._rows = [_cut(rows, count, len(rows.t_s))] if len(rows.t_s) > count else []
+        moved = _in_time(rows, self._ahead_s)[:count] if self._ahead_s else rows.moved
+        covariance, quality = slips.covariance.copy(), slips.quality.copy()
+        _widen(slips.pose[..., :2], rows.origin_m[:count], moved, self._pitch_m, covariance, quality)
+        return replace(slips, covariance=covariance, quality=quality)
+
+    def _end(self, known: Bools) -> None:
+        """Forget the references of objects that are lost, or have left. known: (pads,), with a pose."""
+        for pad in np.flatnonzero(self._known & ~known).tolist():
+            self._references.pop(pad, None)
+            self._stays.pop(pad, None)
+            self._origin_m[pad], self._moved[pad] = np.nan, False
+        self._excursion += known != self._known
+        self._known = known.copy()
+
+    def _compare(self, seen: Bin, pose: Floats) -> None:
+        """Which objects rest, at the end of a bin? pose: (pads, 3)."""
+        for pad in np.flatnonzero(seen.touching & seen.whole & self._known).tolist():
+            place, own = pose[pad] / (self._pitch_m[pad], self._pitch_m[pad], 1.0), self._layout.of_pad(pad)
+            now = _Reference(seen.pressure[own] / seen.scans, seen.scans, np.nan_to_num(place))
+            stays_at, since_s = self._stays.get(pad, (now.place, seen.until_s))
+            if np.hypot(*(now.place - stays_at)[:2]) > BLURRED:
+                stays_at, since_s = now.place, seen.until_s
+            self._stays[pad] = stays_at, since_s
+            before = self._references.get(pad)
+            if before is not None:
+                self._moved[pad] = self._has_moved(pad, before, now, float(np.median(seen.noise[own])))
+            if before is None or (self._moved[pad] and seen.until_s - since_s > _STAYS_S):
+                self._references[pad], self._moved[pad] = now, False
+                self._origin_m[pad] = pose[pad, :2]
+                self._excursion[pad] += 1
+
+    def _has_moved(self, pad: int, before: _Reference, now: _Reference, noise: float) -> bool:
+        """Whether a slide explains a pattern at least as well as rest. noise: standard deviation of a reading."""
+        away = now.place - before.place
+        if shared(before.pressure, now.pressure) < SAME:
+            return True
+        if np.hypot(*away[:2]) < _NEAR:
+            self._excursion[pad] += 1
+            return False
+        noise *= np.sqrt(1.0 / before.scans + 1.0 / now.scans)
+        left = compare(skin_of(self._layout, pad), before.pressure, now.pressure, noise, away)
+        return left.slide <= left.rest and left.follows(away)
+
+
+def _in_time(rows: _Rows, ahead_s: float) -> Bools:
+    """(scans, pads), whether a slide explains the pattern, or will within a time, in the same excursion."""
+    moved, next_s = rows.moved.copy(), np.full(rows.moved.shape[1], np.inf)
+    last = np.full(rows.moved.shape[1], -1)
+    for scan in range(len(moved) - 1, -1, -1):
+        next_s = np.where(rows.excursion[scan] == last, next_s, np.inf)
+        last = rows.excursion[scan]
+        next_s = np.where(rows.moved[scan], rows.t_s[scan], next_s)
+        moved[scan] |= next_s <= rows.t_s[scan] + ahead_s
+    return moved
+
+
+def _joined(rows: list[_Rows]) -> _Rows:
+    return _Rows(
+        np.concatenate([one.t_s for one in rows]),
+        np.concatenate([one.origin_m for one in rows]),
+        np.concatenate([one.moved for one in rows]),
+        np.concatenate([one.excursion for one in rows]),
+    )
+
+
+def _cut(rows: _Rows, first: int, last: int) -> _Rows:
+    return _Rows(rows.t_s[first:last], rows.origin_m[first:last], rows.moved[first:last], rows.excursion[first:last])
+
+
+def _no_bytes(pads: int) -> Bytes:
+    return np.zeros((0, pads), dtype=np.uint8)
+
+
+@kernel
+def _widen(
+    place_m: Floats, origin_m: Floats, moved: Bools, pitch_m: Floats, covariance: Floats, quality: Bytes
+) -> None:
+    """Add to covariances (scans, pads, 3, 3) the distance of places (scans, pads, 2) from their references, unless they
+    have moved (scans, pads); quality (scans, pads) follows. pitch_m: (pads,).
+    """
+    for scan in range(len(place_m)):
+        for pad in range(len(pitch_m)):
+            x = place_m[scan, pad, 0] - origin_m[scan, pad, 0]
+            y = place_m[scan, pad, 1] - origin_m[scan, pad, 1]
+            if moved[scan, pad] or np.isnan(x):
+                continue
+            own = covariance[scan, pad]
+            own[0, 0] += x * x
+            own[1, 1] += y * y
+            own[0, 1] += x * y
+            own[1, 0] += x * y
+            most = (BLURRED * pitch_m[pad]) ** 2
+            blurred = x * x + y * y > most or eigenvalues2(own[0, 0], own[1, 1], own[0, 1])[1] > most
+            if blurred and quality[scan, pad] == OK:
+                quality[scan, pad] = AMBIGUOUS

@@ -1,0 +1,38 @@
+"""The skins of a layout's pads, as `numerics.rest_or_slide` compares patterns on them."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.numerics.rest_or_slide import compare
+from taxelflow.numerics.slid import Skin
+
+if TYPE_CHECKING:
+    from taxelflow.sensors.layout import Layout
+
+_MOST = 64
+"""Skins that are kept: those of a hand, which several stages read."""
+
+
+def skin_of(layout: Layout, pad: int) -> Skin:
+    """The taxels of a pad, in pitches; those of its contacts are the same."""
+    whole = int(layout.contact_of[pad])
+    return _skin(layout, whole if whole >= 0 else pad)
+
+
+@lru_cache(_MOST)
+def _skin(layout: Layout, pad: int) -> Skin:
+    own = layout.of_pad(pad)
+    places_m = np.column_stack([layout.x_m[own], layout.y_m[own]])
+    return Skin.of(places_m / np.sqrt(layout.pitch_m[pad].prod()))
+
+
+def prepare(layout: Layout) -> None:
+    """Make all skins, and load the kernels, so that no comparison of a stream waits for them."""
+    for pad in np.flatnonzero(np.diff(layout.starts)).tolist():
+        skin = skin_of(layout, pad)
+        even = np.ones(len(skin.places))
+        compare(skin, even, even, 0.0, np.zeros(3))
