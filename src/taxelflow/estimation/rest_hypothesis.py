@@ -147,8 +147,8 @@ class RestHypothesis:
             self._excursion[pad] += 1
             return False
         noise *= np.sqrt(1.0 / before.scans + 1.0 / now.scans)
-        left = compare(skin_of(self._layout, pad), before.pressure, now.pressure, noise, away)
-        return left.slide <= left.rest and left.follows(away)
+        left = compare(skin_of(self._layout, pad), before.pressure, now.pressure, noise, away, sinks=True)
+        return left.moves(away[:2])
 
 
 def _in_time(rows: _Rows, ahead_s: float) -> Bools:

@@ -4,12 +4,10 @@ A rigid object on an elastic skin presses each taxel in proportion to how deep i
 only sink and tilt, which adds a plane to the pressure. Softer skins change in proportion to their pressure, too:
 
     rest:   y = max(q (g + a . r) + (c + b . r), 0),
-    slide:  y = max(g q(R(r - d)) + c, 0).
+    slide:  y = max(g q(R(r - d)) + c, 0),               c = 0 unless it may sink.
 
 q is the pattern before, y the one after, r the place of a taxel. Where q is 0, the object may come down by any part of
-what the plane has there: new contact up to it is no contradiction. Either hypothesis is judged by the mean square that
-it leaves, per degree of freedom: rest has six unknowns and fits taxels in contact, a slide has five and fits those that
-were over the pad before.
+what the plane has there: new contact up to it is no contradiction. A slide knows only what was over the pad before.
 """
 
 from __future__ import annotations
@@ -33,52 +31,62 @@ _MOST_TAXELS = 100
 
 
 class Unexplained(NamedTuple):
-    """What is left of a pattern if its object rests, and if it slides, RMS per degree of freedom; the norm of what rest
-    leaves; and where the slide goes, in pitches.
+    """Squares that are left of a pattern: if its object slides; if it rests, on the taxels that were over the pad
+    before, and on all of them. x, y: where the slide goes, in pitches. free_slide, free_rest: degrees of freedom of the
+    slide, and of rest on all taxels, which fits those in contact.
     """
 
-    rest: float
     slide: float
-    norm: float
-    x: float
-    y: float
+    rest: float
+    rest_of_all: float
+    x: float = 0.0
+    y: float = 0.0
+    free_slide: float = 1.0
+    free_rest: float = 1.0
 
-    def follows(self, moved: Floats) -> bool:
-        """Whether the slide goes at least half of a way (2 or 3,): a change of the load alone is a slide by nothing."""
-        return bool(self.x * moved[0] + self.y * moved[1] >= 0.5 * (moved[0] ** 2 + moved[1] ** 2))
+    def moves(self, way: Floats) -> bool:
+        """Whether a slide leaves no more than rest a degree of freedom, and goes at least half of a way (2,), pitches.
+
+        A change of the load alone is a slide by nothing.
+        """
+        goes = self.x * way[0] + self.y * way[1] >= 0.5 * (way[0] ** 2 + way[1] ** 2)
+        return bool(goes and self.slide / self.free_slide <= self.rest_of_all / self.free_rest)
 
 
-def compare(skin: Skin, before: Floats, after: Floats, noise: float, moved: Floats) -> Unexplained:
+def compare(skin: Skin, before: Floats, after: Floats, noise: float, moved: Floats, *, sinks: bool) -> Unexplained:
     """What rest and a slide leave of a pattern (taxels,).
 
     before: (taxels,), the pattern at its place. noise: standard deviation of their difference. moved: (3,), in
-    pitches and rad, where the fit of the slide begins, beside the place before.
+    pitches and rad, where the fit of the slide begins, beside the place before. sinks: whether a slide may sink.
     """
     largest = max(float(before.max()), float(after.max()))
     least = max(LOADED * largest, SIGNIFICANT * noise)
     loaded = np.flatnonzero((before > least) | (after > least))
     if not len(loaded):
-        return Unexplained(0.0, 0.0, 0.0, 0.0, 0.0)
+        return Unexplained(0.0, 0.0, 0.0)
     if len(loaded) > _MOST_TAXELS:
         loaded = loaded[np.linspace(0, len(loaded) - 1, _MOST_TAXELS).round().astype(np.int64)]
-    return Unexplained(*_compare(skin, Pair(skin.fit @ before, np.zeros(2), after, loaded, least), before, moved))
+    pair = Pair(skin.fit @ before, np.zeros(2), after, loaded, least, sinks)
+    return Unexplained(*_compare(skin, pair, before, moved))
 
 
 @kernel
-def _compare(skin: Skin, pair: Pair, before: Floats, moved: Floats) -> tuple[float, float, float, float, float]:
+def _compare(
+    skin: Skin, pair: Pair, before: Floats, moved: Floats
+) -> tuple[float, float, float, float, float, float, float]:
     """`compare`, on the chosen taxels."""
     find_centre(skin.places, before, pair.centre)
-    slid, x, y = np.inf, 0.0, 0.0
+    best, x, y, inside = np.inf, 0.0, 0.0, np.ones(len(pair.chosen), np.bool_)
     for start in range(2):
         state, fit = np.zeros(3), room_for(len(pair.chosen))
         if start == 0:
             state[:] = moved
         left = slide(skin, pair, state, fit)
-        mean = left / freedom(np.count_nonzero(fit.inside), UNKNOWNS)
-        if mean < slid:
-            slid, x, y = mean, state[0], state[1]
-    left, free = squares_at_rest(skin.places, before, pair.after, pair.chosen, pair.least)
-    return np.sqrt(left / free), np.sqrt(slid), np.sqrt(left), x, y
+        if left < best:
+            best, x, y, inside = left, state[0], state[1], fit.inside
+    rest, _ = squares_at_rest(skin.places, before, pair.after, pair.chosen[inside], pair.least)
+    rest_of_all, free = squares_at_rest(skin.places, before, pair.after, pair.chosen, pair.least)
+    return best, rest, rest_of_all, x, y, freedom(np.count_nonzero(inside), UNKNOWNS + pair.sinks), free
 
 
 def covers(before: Floats, after: Floats) -> bool:

@@ -1,4 +1,4 @@
-"""A pattern that has slid and turned, with one gain and one sinking, see `rest_or_slide`.
+"""A pattern that has slid and turned, with one gain and, if it may, one sinking, see `rest_or_slide`.
 
 The pattern before is read between its taxels, where the smoothest surface through them continues it.
 """
@@ -15,8 +15,8 @@ from taxelflow.numerics.small_linalg import solve_small
 from taxelflow.numerics.sunk_and_tilted import RIDGE, ROUNDS
 from taxelflow.runtime.compiling import lean_kernel, routine
 
-UNKNOWNS = 5
-"""Of a slide: place, angle, gain and sinking."""
+UNKNOWNS = 4
+"""Of a slide: place, angle and gain; sinking is one more."""
 _HALF = 0.6
 """Pitches to which a taxel reads around its centre, with a tenth to spare."""
 _ENOUGH = 1e-3
@@ -51,7 +51,7 @@ class Skin(NamedTuple):
 
 class Pair(NamedTuple):
     """What a slide explains: the surface before (taxels + 3,) and its centre (2,), and the pattern after (taxels,) on
-    the chosen taxels. least: reading of a taxel that is loaded.
+    the chosen taxels. least: reading of a taxel that is loaded. sinks: whether the object may sink.
     """
 
     surface: Floats
@@ -59,6 +59,7 @@ class Pair(NamedTuple):
     after: Floats
     chosen: NDArray[np.int64]
     least: float
+    sinks: bool
 
 
 class Fit(NamedTuple):
@@ -135,12 +136,11 @@ def _linearise(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
     """Fill in what a slide (x, y, angle) about the centre leaves, and its slopes; return the squares left."""
     _read(skin, pair, state, fit)
     sums, slopes = fit.sums, fit.slopes
-    power, even, once = sums[0, 0] * (1.0 + RIDGE) + _TINY, sums[0, 1], sums[1, 1] + RIDGE
+    sinks = 1.0 if pair.sinks else 0.0
+    power, even, once = sums[0, 0] * (1.0 + RIDGE) + _TINY, sinks * sums[0, 1], sums[1, 1] + RIDGE
     square = power * once - even * even
     gain = (sums[2, 0] * once - sums[2, 1] * even) / square
-    sunk = (sums[2, 1] * power - sums[2, 0] * even) / square
-    if gain < 0.0:
-        gain, sunk = sums[2, 0] / power, 0.0
+    sunk = sinks * (sums[2, 1] * power - sums[2, 0] * even) / square
     total = 0.0
     for k in range(len(pair.chosen)):
         value = fit.left[k]
@@ -148,7 +148,7 @@ def _linearise(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
         for a in range(3):
             # Gain and sinking follow each motion: what they explain of the slopes is none of theirs.
             by_value = (sums[0, 2 + a] * once - sums[1, 2 + a] * even) / square
-            by_one = (sums[1, 2 + a] * power - sums[0, 2 + a] * even) / square
+            by_one = sinks * (sums[1, 2 + a] * power - sums[0, 2 + a] * even) / square
             slopes[k, a] = gain * (slopes[k, a] - by_value * value - (by_one if loaded else 0.0))
         reading = pair.after[pair.chosen[k]] if fit.inside[k] else 0.0
         left = reading - max(gain * value + (sunk if loaded else 0.0), 0.0)

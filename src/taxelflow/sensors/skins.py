@@ -35,4 +35,4 @@ def prepare(layout: Layout) -> None:
     for pad in np.flatnonzero(np.diff(layout.starts)).tolist():
         skin = skin_of(layout, pad)
         even = np.ones(len(skin.places))
-        compare(skin, even, even, 0.0, np.zeros(3))
+        compare(skin, even, even, 0.0, np.zeros(3), sinks=True)

@@ -188,23 +188,25 @@ class ShiftingLoad:
         """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?"""
         moved = (now.path_m - before.path_m) / self._pitch_m[pad]
         one = float(np.median(noise[self._layout.of_pad(pad)]) * np.sqrt(1.0 / before.scans + 1.0 / now.scans))
-        left = compare(skin_of(self._layout, pad), before.pressure, now.pressure, one, np.array([*moved, 0.0]))
+        skin, way = skin_of(self._layout, pad), np.array([*moved, 0.0])
+        left = compare(skin, before.pressure, now.pressure, one, way, sinks=False)
         first = claim.still and not claim.compared
-        odd = covers(before.pressure, now.pressure) and _is_odd(before, now, left.norm, one)
-        explains = left.follows(moved) and left.rest > (1.0 / _CLEARLY if first else _CLEARLY) * left.slide
-        if odd or explains:
+        odd = covers(before.pressure, now.pressure) and _is_odd(before, now, left.rest, one)
+        if odd or left.rest > _CLEARLY**2 * left.slide or (first and left.slide < _CLEARLY**2 * left.rest):
             claim.since_s = claim.rested_s
-        elif left.slide >= _CLEARLY * left.rest and not claim.still:
+        elif left.slide >= _CLEARLY**2 * left.rest and not claim.still:
             claim.rested_s = now.until_s
         claim.compared = True
 
 
 def _is_odd(before: _Pattern, now: _Pattern, rest: float, noise: float) -> bool:
-    """Whether what rest leaves of a pattern is rather that of a slip. noise: standard deviation of a difference."""
+    """Whether the squares that rest leaves of a pattern are rather those of a slip. noise: of one, standard
+    deviation.
+    """
     power = float(now.pressure @ now.pressure)
     usual = REST_CHANGE * ((now.until_s - before.until_s) / _WINDOW_S) ** REST_EXPONENT
     rise = np.log(now.pressure.sum() / before.pressure.sum())
-    share, noise_power = np.array([rest**2, len(now.pressure) * noise**2]) / power
+    share, noise_power = np.array([rest, len(now.pressure) * noise**2]) / power
     return bool(log_likelihood_ratio(share, noise_power, rise, np.array(GROWTH), usual) > 0.0)
 
 
