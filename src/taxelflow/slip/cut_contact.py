@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.messages import AMBIGUOUS
-from taxelflow.numerics.rounding import SIGNIFICANT
+from taxelflow.numerics.rounding import LINE_POINTS, SIGNIFICANT
 from taxelflow.sensors.border import border_of
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.slip_fit import SlipMotion
 
-_MIN_STEPS = 3
-"""Displacements for a velocity with two to spare."""
 _ITERATIONS = 50
 """Of the speed, on which its own weights depend; each halves the error, or better."""
 
@@ -106,7 +104,7 @@ def steady_velocity(parts: list[Steps]) -> Velocity | None:
     moved, variance, loss, span_s, cut, judged = map(np.ascontiguousarray, whole)
     known = np.isfinite(moved).all(axis=1) & np.isfinite(variance).all(axis=1) & np.isfinite(loss).all(axis=(1, 2))
     known &= (span_s > 0.0) & (variance > 0.0).all(axis=1)
-    if judged[known].any() or not cut[known].any() or known.sum() < _MIN_STEPS:
+    if judged[known].any() or not cut[known].any() or known.sum() < LINE_POINTS:
         return None
     velocity, spread = moved[known] / span_s[known, np.newaxis], variance[known] / span_s[known, np.newaxis] ** 2
     lost = loss[known] * cut[known, np.newaxis, np.newaxis]

@@ -19,13 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.centroid import SKIRT_SHARE
 from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.small_linalg import solve_small
 from taxelflow.runtime.compiling import kernel, lean_kernel, routine
 from taxelflow.slip.sunk_and_tilted import RIDGE, ROUNDS, find_centre, squares_at_rest
 
-_LOADED = 0.03
-"""Share of the largest reading below which a taxel may be unloaded: cross-talk and offsets reach that far."""
 _HALF = 0.6
 """Pitches to which a taxel reads around its centre, with a tenth to spare."""
 _ENOUGH = 1e-3
@@ -86,7 +85,7 @@ def compare(skin: Skin, before: Floats, after: Floats, noise: float, moved: Floa
     pitches, where the fit of the slide begins, beside the place before.
     """
     largest = max(float(before.max()), float(after.max()))
-    least = max(_LOADED * largest, SIGNIFICANT * noise)
+    least = max(SKIRT_SHARE * largest, SIGNIFICANT * noise)
     loaded = np.flatnonzero((before > least) | (after > least))
     if not len(loaded):
         return 0.0, 0.0
@@ -222,11 +221,11 @@ def _surface(places: Floats, surface: Floats, x: float, y: float) -> tuple[float
 
 def covers(before: Floats, after: Floats) -> bool:
     """Whether all taxels (taxels,) are loaded in both patterns: none is at the end of the contact."""
-    return bool(np.minimum(before, after).min() > _LOADED * max(before.max(), after.max()))
+    return bool(np.minimum(before, after).min() > SKIRT_SHARE * max(before.max(), after.max()))
 
 
 def shared(before: Floats, after: Floats) -> float:
     """Share of the load of a pattern (taxels,) on taxels that were loaded in the one before."""
-    load, was = np.maximum(after, 0.0), before > _LOADED * before.max()
+    load, was = np.maximum(after, 0.0), before > SKIRT_SHARE * before.max()
     total = float(load.sum())
     return float(load[was].sum()) / total if total > 0.0 else 0.0

@@ -27,24 +27,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import Floats
+from taxelflow.numerics.robust import CLEARLY
 from taxelflow.runtime.compiling import kernel
 from taxelflow.slip.evidence import GROWTH, REST_CHANGE, REST_EXPONENT, log_likelihood_ratio
 from taxelflow.slip.pattern_change import BEFORE_BINS, BIN_S
 from taxelflow.slip.rest_or_slide import Skin, compare, covers, shared
+from taxelflow.slip.restless import RESTLESS_SHARE
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Event, Slips
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.pattern_change import Bin, PatternChanges
 
-_CLEARLY = 1.5
-"""Times as much as the other that a hypothesis must leave of a pattern to be refused; maps are held to the same."""
 _HISTORY_S = 2.5
 """Time before a slip that is remembered: the onset detector looks back 2 s."""
-_STILL_BINS, _STIRRED = 6, 0.25
-"""A contact was still if of at least this many bins at a steady load at most this share was stirred: see `restless`."""
 _WINDOW_S = 3 * BIN_S
 """From the first scan of a bin to the end of those after it."""
+_STILL_BINS = 6
+"""A contact was still if it was not restless, see `restless`, over at least this many bins at a steady load."""
 _SAME = 0.5
 """Share of the load that must be on taxels that were loaded before, for two patterns to be compared."""
 
@@ -160,7 +160,7 @@ class ShiftingLoad:
             return _Claim(event.onset_s, still=True, since_s=-np.inf)
         stirred = [flags[pad] for since_s, flags in self._stirred if since_s + _WINDOW_S <= event.onset_s]
         steady = np.array([flag for flag in stirred if not np.isnan(flag)])
-        still = len(steady) >= _STILL_BINS and bool(steady.mean() <= _STIRRED)
+        still = len(steady) >= _STILL_BINS and bool(steady.mean() <= RESTLESS_SHARE)
         earlier = [
             seen
             for seen in self._seen
@@ -203,9 +203,9 @@ class ShiftingLoad:
         rest, slide = compare(self._skin(pad), before.pressure, now.pressure, one, moved)
         first = claim.still and not claim.compared
         odd = covers(before.pressure, now.pressure) and _is_odd(before, now, rest, one)
-        if odd or rest > _CLEARLY * slide or (first and slide < _CLEARLY * rest):
+        if odd or rest > CLEARLY * slide or (first and slide < CLEARLY * rest):
             claim.since_s = claim.rested_s
-        elif slide >= _CLEARLY * rest and not claim.still:
+        elif slide >= CLEARLY * rest and not claim.still:
             claim.rested_s = now.until_s
         claim.compared = True
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.depth import DEPTH_STD
-from taxelflow.estimation.template.observations import COARSE, LOADED_SHARE
+from taxelflow.estimation.template.observations import COARSE
+from taxelflow.numerics.centroid import SKIRT_SHARE
 from taxelflow.numerics.robust import OUTLIER
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ _HALVINGS = 30
 def learned_error(fit: Fit, scanned: Scanned) -> float:
     """Error of a reading, as a share of its contact's largest, that the residuals in the contact significantly show."""
     level = scanned.amplitude
-    within = (fit.weight > 0) & (np.maximum(fit.model, scanned.readings) > LOADED_SHARE * level)
+    within = (fit.weight > 0) & (np.maximum(fit.model, scanned.readings) > SKIRT_SHARE * level)
     squared, variance = fit.residual[within] ** 2, scanned.variance[within]
     wanted = fit.freedom * len(squared) + float(np.sqrt(2.0 * len(squared)))  # what noise may make of chi-square
 
