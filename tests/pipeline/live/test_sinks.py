@@ -139,6 +139,7 @@ def test_scans_for_which_a_file_has_no_room_are_dropped_and_not_published(
     monkeypatch.setattr("taxelflow.publish.sinks.patient.os.write", limited)
     monkeypatch.setattr("taxelflow.publish.sinks.patient._RETRY_S", 0.01)
     monkeypatch.setattr(PatientFile, "give_up", lambda file: setattr(file, "_deadline", 0.0))
+    monkeypatch.setattr("taxelflow.pipeline.live.workers._GRACE_S", 0.1)
     with running("rig:stroke?speed=max", f"{scheme}:{tmp_path}/a.mcap") as reports:
         pass
     (worker,) = reports[0].workers
