@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.slip_fit import SlipMotion
 
-_ITERATIONS = 50
-"""Of the speed, on which its own weights depend; each halves the error, or better."""
-
 
 class BorderLoss:
     """How the centroid of a cut contact fails to follow a motion. It has no memory."""
@@ -109,7 +106,7 @@ def steady_velocity(parts: list[Steps]) -> Velocity | None:
     velocity, spread = moved[known] / span_s[known, np.newaxis], variance[known] / span_s[known, np.newaxis] ** 2
     lost = loss[known] * cut[known, np.newaxis, np.newaxis]
     mean = np.median(velocity, axis=0)
-    for _ in range(_ITERATIONS):
+    for _ in range(50):  # the weights depend on the speed, whose error each round halves, or better
         hidden = lost @ np.abs(mean)  # (scans, 2), m/s
         weight = 1.0 / (spread + hidden**2)
         mean = (weight * velocity).sum(axis=0) / weight.sum(axis=0)

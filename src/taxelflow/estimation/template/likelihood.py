@@ -21,8 +21,6 @@ _LEAST, _MOST = 1e-3, 0.5
 """Bounds of the error learned, as shares of the largest reading; every known sensor has more noise than the first."""
 FEWEST = 2
 """Readings per parameter, at least, in the logarithm of its cost."""
-_HALVINGS = 30
-"""Of the interval in which the error is searched: to a relative error below 1e-8."""
 
 
 def learned_error(fit: Fit, scanned: Scanned) -> float:
@@ -38,7 +36,7 @@ def learned_error(fit: Fit, scanned: Scanned) -> float:
     low, high = _LEAST, _MOST
     if not len(squared) or excess(low) <= 0:
         return low
-    for _ in range(_HALVINGS):
+    for _ in range(30):  # halvings, to a relative error below 1e-8
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
     return high
