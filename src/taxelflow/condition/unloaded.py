@@ -14,11 +14,9 @@ if TYPE_CHECKING:
 _ACTIVE_SIGMAS = 20.0
 """Taxels whose readings span more than this many standard deviations of their noise were touched."""
 _QUIET_SHARE = 0.25
-"""Share of the taxels with the smallest, and with the largest, span of readings; ..."""
-_QUIETER = 4.0
-"""... the latter must span at least this many times as much as the former, or nothing is reported."""
-_DOWNWARDS = 4.0
-"""Factor by which touched taxels must fall more below the idle level than they rise above it."""
+"""Share of the taxels with the smallest, and with the largest, span of readings."""
+_CLEARLY = 4.0
+"""Factor by which the latter must span more than the former, and fall more below the idle level than rise above it."""
 _FEWEST = round(1.0 / _QUIET_SHARE)
 """Taxels that this test needs: one in each share."""
 _FEWEST_SCANS = 5
@@ -71,11 +69,11 @@ def falls_under_load(windows: Floats, learned: Baseline, polarity: int) -> str:
     count = max(1, int(_QUIET_SHARE * len(span)))
     quiet, active = order[:count], order[-count:]
     moved = float(np.median(span[active]))
-    if moved <= _ACTIVE_SIGMAS * float(np.median(learned.noise[live])) or moved < _QUIETER * np.median(span[quiet]):
+    if moved <= _ACTIVE_SIGMAS * float(np.median(learned.noise[live])) or moved < _CLEARLY * np.median(span[quiet]):
         return ""
     idle = float(np.nanmedian(np.where(known, readings, np.nan)[:, quiet]))
     down, up = float(np.sum(idle - lowest[active])), float(np.sum(highest[active] - idle))
-    if down <= _DOWNWARDS * max(up, 0.0):
+    if down <= _CLEARLY * max(up, 0.0):
         return ""
     if polarity < 0:
         return "readings fall where the sensor is touched: leave polarity = -1 out of the sensor file"

@@ -30,10 +30,9 @@ if TYPE_CHECKING:
 
 _SLOTS = 4
 """Contacts tracked on a pad at most: 6 pairs."""
-_REFERENCE_SCANS = 5
-"""Scans whose mean is the reference distance of a pair."""
-_MIN_CHANGED_SCANS = 5
-"""Scans in a row for which a distance must have changed: a load that shifts for a moment moves a centroid too."""
+_SCANS = 5
+"""Scans whose mean is the reference distance of a pair, and for which in a row it must have changed: a load that shifts
+for a moment moves a centroid too."""
 _CHANGE_PITCHES, _CHANGE_WIDTHS = 0.5, 0.25
 """A distance has changed if it differs certainly, by this many pitches (sampling moves centroids by less), and by this
 share of the sum of the two widths. On the rig, feet of any size, noise and growth stay below 0.13 of it."""
@@ -244,7 +243,7 @@ def _compare_pairs(number: int, memory: Memory) -> None:
 def _significant_change(one: Shape, other: Shape, pad: CheckedPad, pair: Pair) -> float:
     """How much the distance of two contacts has changed, m; 0 if noise, sampling or load may explain it."""
     distance_m = np.hypot(one.x - other.x, one.y - other.y)
-    if pair.scans < _REFERENCE_SCANS:
+    if pair.scans < _SCANS:
         pair.scans += 1
         pair.distance_m += (distance_m - pair.distance_m) / pair.scans
         pair.width_m += (one.width_m - pair.width_m) / pair.scans
@@ -256,7 +255,7 @@ def _significant_change(one: Shape, other: Shape, pad: CheckedPad, pair: Pair) -
     by_width_m = _CHANGE_WIDTHS * (pair.width_m + pair.other_width_m)
     least_m = max(by_noise_m, _CHANGE_PITCHES * pad.pitch_m, by_width_m) + pad.stretch * pair.distance_m
     pair.changed_scans = pair.changed_scans + 1 if same and change_m > least_m else 0
-    return change_m if pair.changed_scans >= _MIN_CHANGED_SCANS else 0.0
+    return change_m if pair.changed_scans >= _SCANS else 0.0
 
 
 @routine

@@ -17,7 +17,7 @@ from taxelflow.contacts.smooth_laws import TERMS, Scratch, fit_smooth, room_for
 from taxelflow.messages import Bools, Floats, Scans, Texture
 from taxelflow.numerics.centroid import LOADED_SIGMAS
 from taxelflow.numerics.records import Records, records
-from taxelflow.numerics.rounding import ROUNDING
+from taxelflow.numerics.rounding import NEIGHBOUR, ROUNDING
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.runtime.settled import Settled
@@ -35,8 +35,6 @@ _TEXTURED = 0.05
 """Least share of the gradient's energy that is texture; each of the four laws leaves less than 0.03 of the others."""
 _OBSERVABLE = 5.0
 """Energy of the gradient over that of noise above which a direction is observable: 0.2 pitches by one scan."""
-_NEAR = 1.5
-"""Distance of neighbours, in pitches: the eight around a taxel of a grid, the six of a hexagon."""
 
 
 class Gradients(NamedTuple):
@@ -260,7 +258,7 @@ def _gradients(starts: tuple[int, ...], x_m: bytes, y_m: bytes, pitch_m: tuple[f
     own = np.zeros((len(places), 2))
     for start, stop, pitch in zip(starts[:-1], starts[1:], pitch_m, strict=True):
         place = places[start:stop]
-        near = _NEAR * pitch * (1 + 1e-9)
+        near = NEIGHBOUR * pitch
         for k, here in enumerate(place):
             beside = place - here
             who = np.flatnonzero((np.abs(beside).max(axis=1) <= near) & (np.arange(len(place)) != k))

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from taxelflow.evaluation.control import Outcome
     from taxelflow.messages import Floats
 
-_RESAMPLES = 10_000
-"""Of the bootstrap."""
 _Z = 1.96
 """Normal deviate of intervals of 95 %."""
 
@@ -131,7 +129,7 @@ def paired(ours: ControlReport, other: ControlReport) -> Paired | None:
 
 
 def _difference(values: Floats) -> Difference:
-    picks = np.random.default_rng(0).integers(len(values), size=(_RESAMPLES, len(values)))
+    picks = np.random.default_rng(0).integers(len(values), size=(10_000, len(values)))
     low, high = np.quantile(values[picks].mean(axis=1), [0.025, 0.975])
     return Difference(float(values.mean()), float(low), float(high))
 

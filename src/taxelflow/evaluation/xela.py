@@ -46,8 +46,6 @@ _MOVES_M_S, _STILL_M_S = 8e-3, 3e-3
 """Speeds of the marker above which an object moves, and below which it is still: the camera's noise is 1-2 mm/s."""
 _CLOSING_S, _OPENING_S = 1.0, 0.5
 """Begin and end of a contact that are not judged: the grip closes or opens, and the object goes along."""
-_DRAWS = 2000
-"""Resamples of the bootstrap over recordings."""
 
 
 class MarkedRow(msgspec.Struct, frozen=True):
@@ -272,6 +270,6 @@ def _still_slipping(sums: Floats) -> Floats:
 
 def _interval(counts: Floats, measure: Callable[[Floats], Floats]) -> tuple[float, float]:
     """Of 95 %. counts: (recordings, kinds). measure: from sums (draws, kinds)."""
-    draws = np.random.default_rng(0).integers(len(counts), size=(_DRAWS, len(counts)))
+    draws = np.random.default_rng(0).integers(len(counts), size=(2000, len(counts)))
     low, high = np.quantile(measure(counts[draws].sum(axis=1)), (0.025, 0.975))
     return float(low), float(high)

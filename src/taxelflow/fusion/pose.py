@@ -20,7 +20,7 @@ from taxelflow.fusion.twist import (
 )
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, Vector
-from taxelflow.numerics.rounding import LEAST_VARIANCE_M2, LINEAR_RAD
+from taxelflow.numerics.rounding import LEAST_VARIANCE_M2, LINEAR_RAD, NEGLIGIBLE
 from taxelflow.numerics.se2 import rotate, rotate_back
 from taxelflow.numerics.se3 import count_true
 from taxelflow.numerics.small_linalg import inverse2
@@ -30,8 +30,6 @@ _ITERATIONS = 8
 """Gauss-Newton steps at most."""
 _PLAIN = 3
 """First steps without robust weights: there a residual may be the motion since the last scan."""
-_SMALLEST_STEP = 1e-12
-"""In m and rad, at which the fit has converged: rounding."""
 _FAR = 11.34
 """Chi-square above which a contact weighs less (Huber): the 99 % point of three degrees of freedom."""
 _STUDENT = 4.0
@@ -100,7 +98,7 @@ def follow_pose(
                 observable = False
                 break
             observable = turns and turn_is_certain(equations.normal, body)
-            if step_pose(observable, body, equations) < _SMALLEST_STEP and robust:
+            if step_pose(observable, body, equations) < NEGLIGIBLE and robust:
                 break
         judge_misfit(place[scan], place_cov[scan], own_turn[scan], placed[scan], observable, anchors, body)
         for pad in range(place.shape[1]):

@@ -18,6 +18,8 @@ LOADED_SIGMAS = 4.0
 """A taxel is loaded if its reading exceeds this many standard deviations of its noise. It belongs to a contact ..."""
 _LOADED_SHARE = 0.05
 """... if it also exceeds this share of the largest."""
+SKIRT_SHARE = 0.03
+"""Share of the largest reading below which a taxel may be unloaded: cross-talk and offsets reach that far."""
 
 _RIM = 1.1
 """Pitches around these readings within which others may belong to it, too: those next to them."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.rounding import NEIGHBOUR
 from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 HIDDEN = 0.5
 """Least share of a motion that a centre of pressure must follow to be evidence of it."""
-_NEAR = 1.7
-"""Pitches within which taxels are neighbours, on square and on triangular lattices."""
 IN_LINE = 0.3
 """Offset along an axis, in pitches, up to which taxels lie in one line across it; those that jut out show little."""
 
@@ -34,7 +33,7 @@ def open_sides(places: Floats) -> Floats:
     places: (2, taxels), in pitches.
     """
     apart = places[:, np.newaxis, :] - places[:, :, np.newaxis]
-    near = np.hypot(*apart) < _NEAR
+    near = np.hypot(*apart) < NEIGHBOUR
     ways = [(sign * apart[axis], np.abs(apart[1 - axis])) for axis in range(2) for sign in (-1.0, 1.0)]
     return np.array([~np.any(near & (on > IN_LINE) & (on > beside - 1e-9), axis=1) for on, beside in ways], np.float64)
 

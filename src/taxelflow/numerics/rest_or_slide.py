@@ -17,13 +17,12 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.messages import Floats
+from taxelflow.numerics.centroid import SKIRT_SHARE
 from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.slid import UNKNOWNS, Pair, Skin, room_for, slide
 from taxelflow.numerics.sunk_and_tilted import find_centre, freedom, squares_at_rest
 from taxelflow.runtime.compiling import kernel
 
-LOADED = 0.03
-"""Share of the largest reading below which a taxel may be unloaded: cross-talk and offsets reach that far."""
 SAME = 0.5
 """Share of the load that must be on taxels that were loaded before, for two patterns to be compared."""
 _MOST_TAXELS = 100
@@ -60,7 +59,7 @@ def compare(skin: Skin, before: Floats, after: Floats, noise: float, moved: Floa
     pitches and rad, where the fit of the slide begins, beside the place before. sinks: whether a slide may sink.
     """
     largest = max(float(before.max()), float(after.max()))
-    least = max(LOADED * largest, SIGNIFICANT * noise)
+    least = max(SKIRT_SHARE * largest, SIGNIFICANT * noise)
     loaded = np.flatnonzero((before > least) | (after > least))
     if not len(loaded):
         return Unexplained(0.0, 0.0, 0.0)
@@ -91,11 +90,11 @@ def _compare(
 
 def covers(before: Floats, after: Floats) -> bool:
     """Whether all taxels (taxels,) are loaded in both patterns: none is at the end of the contact."""
-    return bool(np.minimum(before, after).min() > LOADED * max(before.max(), after.max()))
+    return bool(np.minimum(before, after).min() > SKIRT_SHARE * max(before.max(), after.max()))
 
 
 def shared(before: Floats, after: Floats) -> float:
     """Share of the load of a pattern (taxels,) on taxels that were loaded in the one before."""
-    load, was = np.maximum(after, 0.0), before > LOADED * before.max()
+    load, was = np.maximum(after, 0.0), before > SKIRT_SHARE * before.max()
     total = float(load.sum())
     return float(load[was].sum()) / total if total > 0.0 else 0.0

@@ -13,6 +13,10 @@ HUBER = 5.0
 """Standard deviations above which a reading of a registered scan weighs less."""
 OUTLIER = HUBER**2
 """The most that one reading adds to chi-square, and from which on a measurement is an outlier."""
+FITS = 1.5
+"""Reduced chi-square up to which a scan fits so well that nothing else is tried, or learned from what is left."""
+CLEARLY = 1.5
+"""Times as much as another hypothesis that one must leave unexplained to be clearly worse."""
 CHEAPER = 1e-3
 """What a further start of a registration must lower the cost by, to be more than rounding."""
 GATE = 2.0

@@ -4,12 +4,17 @@ ROUNDING = 1e-9
 """Relative error: a sum that cancels to less than this share of its terms is 0, and closer numbers are equal."""
 LEAST_VARIANCE_M2 = 1e-18
 """Added to the variance of a place, which may be 0: a nanometre, squared."""
+NEGLIGIBLE = 1e-12
+"""Relative size of what only rounding tells from 0: added to what may be 0, such as a matrix without an inverse."""
 SIGNIFICANT = 3.0
 """Standard deviations beyond which noise does not explain a difference."""
 CERTAIN = 6.0
 """Standard deviations that noise never exceeds, however many readings there are."""
 LINE_POINTS = 3
 """Fewest points that determine a straight line and its error."""
+NEIGHBOUR = 1.6
+"""Pitches within which taxels are neighbours: beyond the diagonal of a square grid (1.41), short of the second ring of
+a triangular one (1.73) and of every second taxel in a row (2)."""
 OBSERVABLE = 4.0
 """A turn is observable if the information on it is this many times what noise alone would pretend."""
 LINEAR_RAD = 0.5

@@ -7,8 +7,6 @@ import numpy as np
 from taxelflow.messages import Bools, Floats
 from taxelflow.runtime.compiling import lean_kernel
 
-_SWEEPS = 30
-"""Sweeps of Jacobi's method at most; a few suffice."""
 _NEGLIGIBLE = 1e-30
 """Sum of squares off the diagonal, over the squared trace, at which a matrix is diagonal."""
 _SMALL_RAD2 = 1e-8
@@ -82,7 +80,7 @@ def eigen_symmetric(a: Floats, values: Floats, vectors: Floats, n: int) -> None:
     for i in range(n):
         for j in range(n):
             vectors[i, j] = 1.0 if i == j else 0.0
-    for _ in range(_SWEEPS):
+    for _ in range(30):  # sweeps at most; a few suffice
         off, trace = 0.0, 0.0
         for i in range(n):
             trace += abs(a[i, i])

@@ -14,10 +14,6 @@ if TYPE_CHECKING:
     from taxelflow.publish.plots.film import Frame
 
 SUFFIXES = (".gif", ".mp4")
-_COLOURS = 256
-"""Colours of a GIF, by its format."""
-_QUALITY = 7
-"""Of H.264 from 0 to 10; below it thin lines blur."""
 
 
 def check_video(path: Path) -> None:
@@ -55,7 +51,7 @@ def _write_gif(frames: Iterable[Frame], path: Path, fps: float) -> int:
     sample = Image.new("RGB", (kept[0].width, 3 * kept[0].height))
     for place, number in enumerate((0, len(kept) // 2, len(kept) - 1)):
         sample.paste(kept[number], (0, place * kept[0].height))
-    palette = sample.quantize(_COLOURS)
+    palette = sample.quantize(256)  # as many as a GIF has
     reduced = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in kept]
     reduced[0].save(
         path, format="GIF", save_all=True, append_images=reduced[1:], duration=round(1000 / fps), loop=0, optimize=False
@@ -69,9 +65,8 @@ def _write_mp4(frames: Iterable[Frame], path: Path, fps: float) -> int:
     count, incoming = 0, iter(frames)
     first = next(incoming)
     height, width = first.shape[:2]
-    writer = imageio_ffmpeg.write_frames(
-        str(path), (width, height), fps=fps, quality=_QUALITY, ffmpeg_log_level="error"
-    )
+    # quality from 0 to 10: below 7 thin lines blur
+    writer = imageio_ffmpeg.write_frames(str(path), (width, height), fps=fps, quality=7, ffmpeg_log_level="error")
     writer.send(None)
     try:
         for frame in chain([first], incoming):

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     Result = TypeVar("Result")
 
-_NICE = 5
-"""The scans come first."""
 _END_S = 5.0
 """Time for a worker process to end by itself."""
 _log = logging.getLogger("taxelflow")
@@ -142,7 +140,7 @@ def _main() -> None:
     results = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what is printed must not stand among the results
     if hasattr(os, "nice"):
-        os.nice(_NICE)
+        os.nice(5)  # the scans come first
     serve(sys.stdin.buffer, results)
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.sensors.triangulation import NEIGHBOUR
+from taxelflow.numerics.rounding import NEIGHBOUR
 
 Floats = NDArray[np.float64]
 

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.sensors.pad_geometry import geometry_of
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.sensors.pads import Pad
-
-_FLAT = 1e-9
-"""Largest error, in m and of unit normals, with which a flat skin is a plane."""
 
 
 class PadSurface:
@@ -31,7 +29,7 @@ class PadSurface:
         self.plane = self._fitted(np.ones((1, len(self._xy))), np.zeros((1, 2)))[0]
         error = self._place - self._xy @ self.plane[:3, :2].T - self.plane[:3, 3]
         bend = np.abs(self._normal - self.plane[:3, 2]).max()
-        self.flat = len(self._xy) < 3 or (np.abs(error).max() < _FLAT and bend < _FLAT)
+        self.flat = len(self._xy) < 3 or (np.abs(error).max() < ROUNDING and bend < ROUNDING)
 
     def frames(self, xy: Floats) -> Floats:
         """(n, 4, 4): x and y along those of the flattened pad at places (n, 2), z out of the skin; NaN where unknown.
@@ -54,14 +52,14 @@ class PadSurface:
         weight = weight / weight.sum(axis=1, keepdims=True)
         mean_xy, mean = weight @ self._xy, weight @ self._place
         off = self._xy - mean_xy[:, np.newaxis]
-        spread = np.einsum("nt,nti,ntj->nij", weight, off, off) + _FLAT**2 * np.eye(2)
+        spread = np.einsum("nt,nti,ntj->nij", weight, off, off) + ROUNDING**2 * np.eye(2)
         crossed = np.einsum("nt,nti,tj->nij", weight, off, self._place)
         tangents = np.linalg.solve(spread, crossed)
         z = weight @ self._normal
         z /= np.linalg.norm(z, axis=1, keepdims=True)
         x = tangents[:, 0] - np.sum(tangents[:, 0] * z, axis=1, keepdims=True) * z
         length = np.linalg.norm(x, axis=1, keepdims=True)
-        x = np.where(length > _FLAT, x / np.where(length > _FLAT, length, 1.0), [1.0, 0.0, 0.0])
+        x = np.where(length > ROUNDING, x / np.where(length > ROUNDING, length, 1.0), [1.0, 0.0, 0.0])
         F = np.zeros((len(at), 4, 4))
         F[:, :3, 0], F[:, :3, 1], F[:, :3, 2] = x, np.cross(z, x), z
         F[:, :3, 3] = mean + np.einsum("nij,ni->nj", tangents, at - mean_xy)

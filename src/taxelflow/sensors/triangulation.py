@@ -7,11 +7,11 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from taxelflow.numerics.rounding import NEIGHBOUR
+
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-NEIGHBOUR = 1.6
-"""Longest edge in spacings: beyond the diagonal of a square grid (1.41), short of every second taxel in a row (2)."""
 _ADJACENT = 1.4
 """Largest distance in spacings of an adjacent taxel: below the diagonal of a square grid (1.41)."""
 _CONE = np.cos(np.radians(46.0))

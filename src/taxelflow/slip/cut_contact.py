@@ -18,18 +18,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.messages import AMBIGUOUS
-from taxelflow.numerics.rounding import SIGNIFICANT
+from taxelflow.numerics.rounding import LINE_POINTS, SIGNIFICANT
 from taxelflow.sensors.border import border_of
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Scans, Slips
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.slip_fit import SlipMotion
-
-_MIN_STEPS = 3
-"""Displacements for a velocity with two to spare."""
-_ITERATIONS = 50
-"""Of the speed, on which its own weights depend; each halves the error, or better."""
 
 
 class BorderLoss:
@@ -106,12 +101,12 @@ def steady_velocity(parts: list[Steps]) -> Velocity | None:
     moved, variance, loss, span_s, cut, judged = map(np.ascontiguousarray, whole)
     known = np.isfinite(moved).all(axis=1) & np.isfinite(variance).all(axis=1) & np.isfinite(loss).all(axis=(1, 2))
     known &= (span_s > 0.0) & (variance > 0.0).all(axis=1)
-    if judged[known].any() or not cut[known].any() or known.sum() < _MIN_STEPS:
+    if judged[known].any() or not cut[known].any() or known.sum() < LINE_POINTS:
         return None
     velocity, spread = moved[known] / span_s[known, np.newaxis], variance[known] / span_s[known, np.newaxis] ** 2
     lost = loss[known] * cut[known, np.newaxis, np.newaxis]
     mean = np.median(velocity, axis=0)
-    for _ in range(_ITERATIONS):
+    for _ in range(50):  # the weights depend on the speed, whose error each round halves, or better
         hidden = lost @ np.abs(mean)  # (scans, 2), m/s
         weight = 1.0 / (spread + hidden**2)
         mean = (weight * velocity).sum(axis=0) / weight.sum(axis=0)

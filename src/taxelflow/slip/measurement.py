@@ -10,13 +10,11 @@ import numpy as np
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Bools, Bytes, Floats, Slips
 from taxelflow.numerics.clock import ROUNDING_S
 from taxelflow.numerics.records import Records, Vector, record_dtype
-from taxelflow.numerics.rounding import BLIND_M
+from taxelflow.numerics.rounding import BLIND_M, SIGNIFICANT
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.slip.covariance import Covariance
 
-_UNRESOLVED_FACTOR = 9.0
-"""Factor on the variance of a pose whose scan does not fit the method's model: three times the standard deviation."""
 UNOBSERVABLE_RATIO = 100.0
 """An axis x or y is not observable if its standard deviation exceeds this multiple of the other's, and `BLIND_M`. The
 centroid of a line of taxels has no variance across the line, which is no evidence about motion along it."""
@@ -204,8 +202,8 @@ def _raise_axis(variance: Floats, axis: int, weight: float, mean: Floats) -> flo
 
 @routine
 def _quality_factor(scan: Observation) -> float:
-    """Factor on the variance of a pose by its quality."""
-    return _UNRESOLVED_FACTOR if scan.quality == UNRESOLVED else 1.0
+    """Factor on the variance of a pose by its quality: errors of a scan that does not fit its model are significant."""
+    return SIGNIFICANT**2 if scan.quality == UNRESOLVED else 1.0
 
 
 @routine

@@ -20,6 +20,7 @@ from typing import Annotated
 import numpy as np
 
 from taxelflow.numerics.records import Records, Vector
+from taxelflow.numerics.rounding import NEGLIGIBLE
 from taxelflow.runtime.compiling import routine
 from taxelflow.slip.hypotheses import merge_closest, remove
 from taxelflow.slip.measurement import Measurement
@@ -38,8 +39,6 @@ two. Merged instead, it would gain weight as long as the object rests, and so wo
 _MIN_VISIBLE_SHARE = 0.1
 """Smallest share of F that the rest filter must leave of a ramp: a third of its path. The rest of a slip that the
 filter attributes to the load follows the noise of the load, which correlates with that of the pose."""
-_MIN_UNEXPLAINED = 1e-12
-"""Lower limit of 1 - Q / E, against division by 0."""
 MAX_EXPONENT = 600.0
 """Upper limit of a log likelihood ratio: exp is finite up to 709."""
 _OVERSHOOT = ((0.235, 0.050), (0.143, 0.052), (0.130, 0.066))
@@ -100,7 +99,7 @@ def likelihood_ratio(ramp: Ramp, square_sum: float, components: float, axes: int
     place, yaw, g = ramp.information, ramp.yaw_information, ramp.prior_information
     h = ramp.score
     q = (h[0] * h[0] + h[1] * h[1]) / (place + g) + h[2] * h[2] / (yaw + g)
-    left = max(1.0 - q / square_sum, _MIN_UNEXPLAINED)
+    left = max(1.0 - q / square_sum, NEGLIGIBLE)
     power = -0.5 * axes * log(1.0 + place / g) - 0.5 * log(1.0 + yaw / g) - 0.5 * components * log(left)
     return exp(min(power, MAX_EXPONENT)), q
 

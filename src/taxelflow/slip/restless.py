@@ -20,7 +20,7 @@ from taxelflow.slip.pattern_change import STEADY_RISE
 if TYPE_CHECKING:
     from taxelflow.slip.pattern_change import PatternChanges
 
-_SHARE = 0.25
+RESTLESS_SHARE = 0.25
 """Share of stirred bins at rest above which a pad is restless. Noise alone stirs 0.4 % of them."""
 _PRIOR_BINS = 4.0
 """Bins that were not stirred, in advance: two stirred ones are no accident, one may be."""
@@ -50,7 +50,7 @@ class RestlessPads:
     @property
     def restless(self) -> Bools:
         """(pads,)."""
-        found: Bools = self._stirred > _SHARE * (self._rest + _PRIOR_BINS)
+        found: Bools = self._stirred > RESTLESS_SHARE * (self._rest + _PRIOR_BINS)
         return found
 
     def update(self, slipped: Bools, changes: PatternChanges, scan: int, log_ratio: Floats) -> None:

@@ -29,10 +29,12 @@ import numpy as np
 from taxelflow.messages import Floats
 from taxelflow.numerics.bins import BIN_S
 from taxelflow.numerics.rest_or_slide import SAME, compare, covers, shared
+from taxelflow.numerics.robust import CLEARLY
 from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.skins import prepare, skin_of
 from taxelflow.slip.evidence import GROWTH, REST_CHANGE, REST_EXPONENT, log_likelihood_ratio
 from taxelflow.slip.pattern_change import BEFORE_BINS
+from taxelflow.slip.restless import RESTLESS_SHARE
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Event, Slips
@@ -40,14 +42,12 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.pattern_change import PatternChanges
 
-_CLEARLY = 1.5
-"""Times as much as the other that a hypothesis must leave of a pattern to be refused; maps are held to the same."""
 _HISTORY_S = 2.5
 """Time before a slip that is remembered: the onset detector looks back 2 s."""
-_STILL_BINS, _STIRRED = 6, 0.25
-"""A contact was still if of at least this many bins at a steady load at most this share was stirred: see `restless`."""
 _WINDOW_S = 3 * BIN_S
 """From the first scan of a bin to the end of those after it."""
+_STILL_BINS = 6
+"""A contact was still if it was not restless, see `restless`, over at least this many bins at a steady load."""
 
 
 @dataclass(slots=True, eq=False)
@@ -148,7 +148,7 @@ class ShiftingLoad:
             return _Claim(event.onset_s, still=True, since_s=-np.inf)
         stirred = [flags[pad] for since_s, flags in self._stirred if since_s + _WINDOW_S <= event.onset_s]
         steady = np.array([flag for flag in stirred if not np.isnan(flag)])
-        still = len(steady) >= _STILL_BINS and bool(steady.mean() <= _STIRRED)
+        still = len(steady) >= _STILL_BINS and bool(steady.mean() <= RESTLESS_SHARE)
         earlier = [
             seen
             for seen in self._seen
@@ -192,9 +192,9 @@ class ShiftingLoad:
         left = compare(skin, before.pressure, now.pressure, one, way, sinks=False)
         first = claim.still and not claim.compared
         odd = covers(before.pressure, now.pressure) and _is_odd(before, now, left.rest, one)
-        if odd or left.rest > _CLEARLY**2 * left.slide or (first and left.slide < _CLEARLY**2 * left.rest):
+        if odd or left.rest > CLEARLY**2 * left.slide or (first and left.slide < CLEARLY**2 * left.rest):
             claim.since_s = claim.rested_s
-        elif left.slide >= _CLEARLY**2 * left.rest and not claim.still:
+        elif left.slide >= CLEARLY**2 * left.rest and not claim.still:
             claim.rested_s = now.until_s
         claim.compared = True
 

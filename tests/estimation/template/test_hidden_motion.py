@@ -12,8 +12,8 @@ from taxelflow.estimation.base import Mode
 from taxelflow.messages import OK, Floats
 from taxelflow.pipeline import api
 
-RATE_HZ, PITCH_M, REST = 50.0, 0.003, 40
-PATH_M = np.concatenate([np.zeros(40), np.linspace(0.0, 0.008, 80), np.full(40, 0.008)])
+RATE_HZ, PITCH_M, REST = 25.0, 0.003, 20
+PATH_M = np.concatenate([np.zeros(20), np.linspace(0.0, 0.008, 40), np.full(20, 0.008)])
 ANGLE = 0.6
 """Of a rod, in rad."""
 

@@ -35,6 +35,7 @@ from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.replay import Replay
 from taxelflow.pipeline.live.status import clock_words, drawn, totals
 from taxelflow.pipeline.stages import Output
+from taxelflow.publish.sinks.patient import PatientFile
 from taxelflow.publish.tables import EVENTS
 
 if TYPE_CHECKING:
@@ -226,7 +227,11 @@ def test_a_second_client_is_waited_for_if_asked(tmp_path: Path) -> None:
     assert len(published(tmp_path / "a.jsonl")) == SCANS
 
 
-def test_a_full_disk_is_reported_once_and_holds_up_no_other_sink(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_once_and_holds_up_no_other_sink(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("taxelflow.pipeline.live.workers._GRACE_S", 0.7)  # longer than the file goes on trying
+    monkeypatch.setattr(PatientFile.__init__, "__defaults__", (0.1,))
     with running("rig:stroke?speed=max", "jsonl:/dev/full", f"jsonl:{tmp_path}/a.jsonl") as reports:
         pass
     assert len(published(tmp_path / "a.jsonl")) == 140

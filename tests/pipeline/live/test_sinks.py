@@ -109,6 +109,7 @@ def test_a_disk_that_is_full_from_the_start_does_not_hold_up_the_run(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("taxelflow.publish.sinks.patient.os.write", full)
+    monkeypatch.setattr(PatientFile.__init__, "__defaults__", (0.2,))
     sink = registry.find("sink", scheme)(parse_address(f"{scheme}:{tmp_path / 'a.mcap'}"))
     head = Head(PALM, PALM.layout.pads, {"sensor": "x" * 100_000}, lambda _kind, _seen: None)
     opening = threading.Thread(target=sink.open, args=[head], daemon=True)
@@ -139,6 +140,7 @@ def test_scans_for_which_a_file_has_no_room_are_dropped_and_not_published(
     monkeypatch.setattr("taxelflow.publish.sinks.patient.os.write", limited)
     monkeypatch.setattr("taxelflow.publish.sinks.patient._RETRY_S", 0.01)
     monkeypatch.setattr(PatientFile, "give_up", lambda file: setattr(file, "_deadline", 0.0))
+    monkeypatch.setattr(workers, "_GRACE_S", 0.1)
     with running("rig:stroke?speed=max", f"{scheme}:{tmp_path}/a.mcap") as reports:
         pass
     (worker,) = reports[0].workers
@@ -236,7 +238,8 @@ class _Taken(_Stuck):
         self.free.wait()
 
 
-def test_what_waits_for_a_sink_is_written_at_once() -> None:
+def test_what_waits_for_a_sink_is_written_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "_GRACE_S", 0.1)
     sink = _Taken()
     worker = SinkWorker("a", sink, Faults())
     worker.start()

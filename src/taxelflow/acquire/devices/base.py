@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 POLL_S = 0.1
 """Longest time that a source blocks: so soon the end of a run is noticed."""
+CONNECT_S = 2.0
+"""Time for an attempt to connect."""
 PIECE_BYTES = 1 << 16
 """Bytes that a source reads at once, at most: the usual size of a pipe and of a socket's buffer."""
 

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
-_WAITING = 64
-"""Messages that DDS keeps for a reader that is behind."""
 _FINGERS = ("one", "two", "three", "four", "five")
 _FIELDS = (
     *(f"finger{finger}_{part}_touch" for finger in _FINGERS[:4] for part in ("tip", "top", "palm")),
@@ -76,7 +74,7 @@ def _field_type(store: Typestore, kind: Any, made: dict[str, Any]) -> Any:
 def best_effort() -> Any:
     """Quality of service of sensors' topics."""
     policy = cyclonedds().core.Policy
-    return cyclonedds().qos.Qos(policy.Reliability.BestEffort, policy.History.KeepLast(_WAITING))
+    return cyclonedds().qos.Qos(policy.Reliability.BestEffort, policy.History.KeepLast(64))
 
 
 class DdsReader:

@@ -35,8 +35,6 @@ _LONGEST = 8192
 """Bytes of a message at most: a larger length is a damaged one."""
 POLYNOMIAL = "8408"
 """CRC-16-CCITT, reversed: an assumption."""
-_RATE = 30
-"""Default scan rate, Hz."""
 
 
 def checksum(content: bytes, table: list[int]) -> int:
@@ -156,7 +154,7 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     device = address.need_path("dsa:/dev/ttyUSB0")
     sensor, faults = sensor or load_sensor("schunk-sdh2"), Faults()
     polynomial = polynomial_of(address)
-    payload = struct.pack("<BH", _ACQUIRES | RUN_LENGTHS, round(address.number("rate", _RATE, 1)))
+    payload = struct.pack("<BH", _ACQUIRES | RUN_LENGTHS, round(address.number("rate", 30, 1)))
     line = _DsaLine(device, frame(ACQUIRE, payload, crc_table(polynomial)))
     return ByteSource(address, sensor, line, DsaParser(sensor.layout, faults, polynomial), faults)
 

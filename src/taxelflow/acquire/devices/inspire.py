@@ -28,8 +28,6 @@ PORT, FIRST, BYTES = 6000, 3000, 2
 """Modbus: default port, first register of the readings, and step of the addresses per reading."""
 _MOST = 125
 """Registers that Modbus gives in one answer."""
-_RATE_HZ = 50.0
-"""Default rate of requests."""
 
 
 class ModbusHand:
@@ -127,6 +125,6 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     """`inspire-modbus://HOST:PORT?rate=50`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
     address.check_options((*STREAM_OPTIONS, "rate"))
     sensor = need_sensor(address, sensor)
-    rate_hz = address.number("rate", _RATE_HZ, 0.1)
+    rate_hz = address.number("rate", 50.0, 0.1)
     hand = ModbusHand(address.host or "127.0.0.1", address.port or PORT, sensor.channel_map.columns, rate_hz)
     return ByteSource(address, sensor, hand, _Int16(), Faults())

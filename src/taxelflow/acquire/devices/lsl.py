@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.acquire.devices.base import POLL_S, Faults
+from taxelflow.acquire.devices.base import CONNECT_S, POLL_S, Faults
 from taxelflow.acquire.devices.streams import TIMEOUT_S, ByteSource, need_sensor
 from taxelflow.errors import AddressInvalid, ExtraMissing
 
@@ -26,8 +26,6 @@ _OPTIONS = ("time", "wait", "timeout", "keep", "scope")
 _SCOPES = ("machine", "link", "site", "config")
 _scope: dict[str, str] = {}
 """The scope of this process."""
-_OPEN_S = 2.0
-"""Time to connect, and after which a stream that has vanished is forgotten."""
 _HELD_S = 10
 """s of scans that LSL holds for a reader that is behind."""
 _MOST_SAMPLES = 256
@@ -81,7 +79,7 @@ class Inlet:
 
     def listen(self) -> None:
         """Nothing waits for a peer; streams are looked for from now on."""
-        self._resolver = self._lsl.ContinuousResolver("name", self._name, forget_after=_OPEN_S)
+        self._resolver = self._lsl.ContinuousResolver("name", self._name, forget_after=CONNECT_S)
 
     def open(self) -> bool:
         """See `Transport`."""
@@ -94,7 +92,7 @@ class Inlet:
         self._last = stream.uid()
         try:
             self._inlet = self._lsl.StreamInlet(stream, max_buflen=_HELD_S, recover=False)
-            self._inlet.open_stream(timeout=_OPEN_S)
+            self._inlet.open_stream(timeout=CONNECT_S)
         except RuntimeError as error:
             raise ConnectionError(str(error)) from error
         return True

@@ -9,7 +9,7 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from taxelflow.acquire.devices.base import PIECE_BYTES, POLL_S, Faults
+from taxelflow.acquire.devices.base import CONNECT_S, PIECE_BYTES, POLL_S, Faults
 from taxelflow.acquire.devices.streams import LINE_OPTIONS, TIMEOUT_S, ByteSource, Ended, need_sensor, parser_of
 from taxelflow.runtime.endpoints import listening, place_of
 
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
-_CONNECT_S = 2.0
-"""Time for an attempt to connect."""
 _SILENT_S = 1.0
 """A client that has sent nothing for longer gives way to another one."""
 
@@ -65,7 +63,7 @@ class _Connection:
 class _Client(_Connection):
     def open(self) -> bool:
         """See `Transport`."""
-        self._socket = socket.create_connection(self._endpoint, timeout=_CONNECT_S)
+        self._socket = socket.create_connection(self._endpoint, timeout=CONNECT_S)
         _keep_alive(self._socket)
         return True
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from taxelflow.acquire.devices.base import POLL_S
+from taxelflow.acquire.devices.base import CONNECT_S, POLL_S
 from taxelflow.acquire.devices.streams import TIMEOUT_S, Ended
 from taxelflow.errors import ExtraMissing
 
@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
 _LONGEST = 1 << 20
 """Bytes of a message at most."""
-_OPEN_S = 2.0
-"""Time to open, and to close, a connection."""
 
 
 class WebSocket:
@@ -40,7 +38,9 @@ class WebSocket:
     def open(self) -> bool:
         """See `Transport`."""
         try:
-            self._connection = self._connect(self._url, max_size=_LONGEST, open_timeout=_OPEN_S, close_timeout=_OPEN_S)
+            self._connection = self._connect(
+                self._url, max_size=_LONGEST, open_timeout=CONNECT_S, close_timeout=CONNECT_S
+            )
             for message in self._greeting:
                 self._connection.send(message)
         except (self._exceptions.WebSocketException, EOFError) as error:

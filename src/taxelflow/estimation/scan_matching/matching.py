@@ -17,7 +17,7 @@ from taxelflow.estimation.template.map import Surface as Known
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.bspline import STATE, State, evaluate, put, state_of
 from taxelflow.numerics.centroid import LOADED_SIGMAS
-from taxelflow.numerics.robust import CHEAPER, HUBER, OUTLIER, huber_weight
+from taxelflow.numerics.robust import CHEAPER, FITS, HUBER, OUTLIER, huber_weight
 from taxelflow.numerics.se2 import rotate_back
 from taxelflow.numerics.small_linalg import add_lower, mirror
 from taxelflow.runtime.compiling import inlined, routine
@@ -32,8 +32,6 @@ _LOOSE_TURN, _LOOSE_GAIN = 1.0, 1e-2
 """Prior information on no turn, 1 / rad^2, and on no change of the gain: enough to hold what nothing determines."""
 _BOX = 1.5
 """Taxels within this many pitches of the loaded ones take part."""
-_FITS = 1.5
-"""Chi-square per reading at which no other start is tried."""
 _MODEL_ERROR = 0.05
 """A scan fits if its residuals are explained by noise and by an error of the surface of this share."""
 
@@ -138,7 +136,7 @@ def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Flo
             best = cost
             for a in range(STATE):
                 state[a] = trial[a]
-        if chi <= _FITS * count:
+        if chi <= FITS * count:
             break
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.hypotheses import ENOUGH_SCANS
 from taxelflow.estimation.template.pose_output import Poses
 from taxelflow.messages import OK, UNRESOLVED
 from taxelflow.numerics.robust import OUTLIER
@@ -23,8 +24,6 @@ _BRIEF = 5
 """Scans in a row; in a longer run the speeds around it bound nothing."""
 _FASTEST, _MARGIN = 0.95, 2.0
 """The standard deviation of the speed in such a run: this quantile of the other speeds, times this factor."""
-_FEWEST = 8
-"""Known scans from which speeds are learned."""
 _FORMED = 0.5
 """Share of the median load above which a contact is complete: the highest points of an object touch first."""
 
@@ -47,7 +46,7 @@ def formed(poses: Poses, load: Floats) -> Poses:
 def bridged(poses: Poses, t_s: Floats) -> Poses:
     """Poses in which short runs of scans that are not OK are combined with the poses around them."""
     known = np.flatnonzero(poses.quality == OK)
-    if len(known) < _FEWEST or len(known) == len(poses):
+    if len(known) < ENOUGH_SCANS or len(known) == len(poses):
         return poses
     free = np.isfinite(poses.pose[known]).all(axis=0)
     step = np.abs(np.diff(poses.pose[known][:, free], axis=0)) / np.diff(t_s[known])[:, np.newaxis]

@@ -15,6 +15,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 from taxelflow.estimation.template.normal_equations import Normal, assemble, to_knots, to_states
 from taxelflow.numerics.banded import Factor, add_diagonal, multiply, smoothness
 from taxelflow.numerics.bspline import STATE, pose_part, states_of
+from taxelflow.numerics.rounding import NEGLIGIBLE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,8 +44,6 @@ _PROBES, _PROBED = 16, 16_000
 """Random vectors of the estimate of a trace, at most, and times knots: its relative error falls with both."""
 LEAST_INFORMATION = 1e-9
 """Added to the information on each component of a state, which may be 0."""
-_RIDGE = 1e-12
-"""Share of a scan's largest information that is added to its diagonal: a scan of one taxel has a singular matrix."""
 
 
 @dataclass(slots=True, eq=False)
@@ -123,7 +122,7 @@ class _Linear:
         blocks, diagonal = self.normal.blocks, np.arange(STATE)
         strong = blocks[:, diagonal, diagonal].max(axis=1, keepdims=True)
         prior = np.where(np.isinf(precision), 1.0, precision)
-        blocks[:, diagonal, diagonal] += prior + LEAST_INFORMATION + _RIDGE * strong
+        blocks[:, diagonal, diagonal] += prior + LEAST_INFORMATION + NEGLIGIBLE * strong
 
     def determined(self, factor: Factor) -> float:
         """Number of coefficients that the readings determine, not their priors: a trace, by random vectors."""

@@ -17,10 +17,10 @@ from taxelflow.estimation.template.bundle_adjustment import refine
 from taxelflow.estimation.template.hypotheses import coarse, refined
 from taxelflow.estimation.template.likelihood import learned_error
 from taxelflow.estimation.template.map import covering, fill
-from taxelflow.estimation.template.observations import COARSE
+from taxelflow.estimation.template.observations import COARSE, FINE
 from taxelflow.estimation.template.scaling import SIZE_STD
 from taxelflow.numerics.bspline import STATE, states_of
-from taxelflow.numerics.centroid import pressure_centre
+from taxelflow.numerics.centroid import SKIRT_SHARE, pressure_centre
 from taxelflow.numerics.cut import HIDDEN, find_hidden, open_sides
 from taxelflow.runtime.compiling import kernel
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _CHANGED = 2.0
 """Pitches by which the motion is changed: what one taxel reads, its neighbours must read, too."""
-_SCALED, _SHORTEST = (0.5, 1.5), 0.5
+_SCALED, _SHORTEST = (0.0, 0.5, 1.5), 0.5
 """Factors of the motion, if its range exceeds this many pitches: the curvature of a dome's map depends on its path."""
 _TIMES = 1.2
 """Times the error that the motion leaves as it is, which another leaves at least."""
@@ -42,10 +42,6 @@ _FAULTS = 0.2
 """What faults of taxels beside their gains leave of the largest reading, as a share of `unseen_error`."""
 _GAIN, _MOST_GAIN = 4.0, 0.5
 """Largest error of a gain, times `unseen_error`, and at all."""
-_LOADED = 0.05
-"""Share of the contact's largest reading from which a taxel's gain is estimated."""
-_LEAST_ERROR = 0.003
-"""The smallest error from which a fit begins."""
 _ROUNDS = 3, *(2,) * 11
 """Rounds of fits at most; gains are estimated after each but the first."""
 _FITS, _CONVERGED = 4, 0.97
@@ -60,8 +56,6 @@ _MOST_SCANS = 24
 _WINDOW = 8.0
 """Pitches from the middle to the sides of the square of a large pad that is tested. A fit's time grows with the fourth
 power of the width."""
-_LEAST_SHOWN = 1e-3
-"""Share of the largest slopes, and of the largest pressure, squared, below which a scan is not known to show less."""
 
 
 def hidden_direction(scanned: Scanned, solved: Solved) -> Floats:
@@ -147,12 +141,10 @@ def _is_determined(scanned: Scanned, solved: Solved, direction: Floats) -> bool:
     if 2 * np.count_nonzero(part) < len(part):
         scans = scans.on(part)
     left = min(_left_along(scans, own, direction, at, start) for start in _starts(own))
-    ramp = _CHANGED * _progress(scans, own, direction)
-    changed = [(at + way * ramp, max(_TIMES * left, _FAULTS * scans.unseen_error)) for way in (1.0, -1.0)]
+    ramp, middle = _CHANGED * np.linspace(-0.5, 0.5, len(scans)), at.mean()
+    changed = [(other, max(_TIMES * left, _FAULTS * scans.unseen_error)) for other in (at + ramp, at - ramp)]
     if np.ptp(at) > _SHORTEST:
-        middle = at.mean()
-        scaled = [middle + factor * (at - middle) for factor in _SCALED]
-        changed += [(other, _TIMES * left) for other in (np.full(len(at), middle), *scaled)]
+        changed += [(middle + factor * (at - middle), _TIMES * left) for factor in _SCALED]
     return all(
         _left_along(scans, own, direction, other, start, most=most) > most
         for other, most in changed
@@ -172,18 +164,7 @@ def _most_textured(scanned: Scanned, solved: Solved, direction: Floats) -> Bools
 
 def _starts(solved: Solved) -> tuple[float, float]:
     """Errors from which fits begin: a coarse one finds its way; a fine one keeps what small differences determine."""
-    return COARSE, max(solved.error, _LEAST_ERROR)
-
-
-def _progress(scanned: Scanned, solved: Solved, direction: Floats) -> Floats:
-    """(scans,), from -0.5 to 0.5, by which a motion is changed: most where the map's slopes show it least."""
-    pressure, slopes = _evaluated(scanned, solved)
-    squared = np.sum((slopes @ direction) ** 2, axis=1)
-    shown = squared / np.maximum(np.sum(pressure**2, axis=1), _LEAST_SHOWN * scanned.amplitude**2)
-    pace = 1.0 / (_LEAST_SHOWN + shown / max(shown.max(), np.finfo(float).tiny))
-    progress = np.cumsum(pace) - 0.5 * pace
-    changed: Floats = (progress - progress[0]) / (progress[-1] - progress[0]) - 0.5
-    return changed
+    return COARSE, max(solved.error, FINE)
 
 
 def _repeated(scanned: Scanned, states: Floats) -> tuple[Scanned, Floats]:
@@ -239,7 +220,7 @@ def _rms(scanned: Scanned) -> float:
 
 def _gains(scanned: Scanned, fit: Fit) -> Floats:
     """(taxels,), by which the readings of each are larger than the fit's."""
-    seen = (fit.weight > 0) & (fit.model > _LOADED * scanned.amplitude)
+    seen = (fit.weight > 0) & (fit.model > SKIRT_SHARE * scanned.amplitude)
     model = np.where(seen, fit.model, 0.0)
     squares = np.sum(model**2, axis=0)
     off = np.sum(model * (scanned.readings - fit.model), axis=0) / np.where(squares > 0, squares, 1.0)

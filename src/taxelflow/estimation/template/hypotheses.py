@@ -13,7 +13,7 @@ from taxelflow.estimation.template.depth import DEPTH_STD, as_heights, take_dept
 from taxelflow.estimation.template.initialization import IncrementalMapper
 from taxelflow.estimation.template.likelihood import cost, learned_error
 from taxelflow.estimation.template.map import covering, fill
-from taxelflow.estimation.template.observations import COARSE
+from taxelflow.estimation.template.observations import COARSE, FINE
 from taxelflow.estimation.template.rivals import agreement, apart_by_growth, apart_by_turn, reported
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
 from taxelflow.estimation.template.solution import Solved
@@ -28,6 +28,7 @@ from taxelflow.estimation.template.turning import (
     turns_surely,
 )
 from taxelflow.numerics.bspline import states_of
+from taxelflow.numerics.robust import CLEARLY
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
@@ -45,10 +46,6 @@ _LEAST_GAIN = 0.05
 """Lower limit of the mean gain by which all are divided."""
 ENOUGH_SCANS = 8
 """Scans from which the spread of the gains is learned."""
-_SHARP = 0.005
-"""Error with which a sharper pattern is tried."""
-_RIVAL = 1.5
-"""A hypothesis with an error up to this many times the best one's is a rival: faults of the sensor may have decided."""
 _MAY_BE_STRAIGHT = 2.0 * COARSE
 """Error of a coarse fit with a constant angle above which the object certainly turns."""
 _FAR_WORSE = 20.0
@@ -141,7 +138,7 @@ def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
     One with a free angle is chosen only if its angle is observable.
     """
     best = _chosen(solved, scanned)
-    near = [one for one in solved if one.error <= _RIVAL * best.error]
+    near = [one for one in solved if one.error <= CLEARLY * best.error]
     others = [one for one in near if one.turns != best.turns and one.form == best.form]
     if others:
         best = replace(best, rival=apart_by_turn(best, min(others, key=lambda one: one.error)))
@@ -219,7 +216,7 @@ def refined(scanned: Scanned, start: Solved) -> Solved:
     best = _refined(scanned, start, most_error=np.inf)
     if best.error <= COARSE:
         return best
-    sharp = _refined(scanned, own, most_error=_SHARP)
+    sharp = _refined(scanned, own, most_error=FINE)
     return min(best, _by_its_error(scanned, sharp), key=lambda one: cost(one, scanned))
 
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.depth import DEPTH_STD
-from taxelflow.estimation.template.observations import COARSE, LOADED_SHARE
+from taxelflow.estimation.template.observations import COARSE
+from taxelflow.numerics.centroid import SKIRT_SHARE
 from taxelflow.numerics.robust import OUTLIER
 
 if TYPE_CHECKING:
@@ -20,14 +21,12 @@ _LEAST, _MOST = 1e-3, 0.5
 """Bounds of the error learned, as shares of the largest reading; every known sensor has more noise than the first."""
 FEWEST = 2
 """Readings per parameter, at least, in the logarithm of its cost."""
-_HALVINGS = 30
-"""Of the interval in which the error is searched: to a relative error below 1e-8."""
 
 
 def learned_error(fit: Fit, scanned: Scanned) -> float:
     """Error of a reading, as a share of its contact's largest, that the residuals in the contact significantly show."""
     level = scanned.amplitude
-    within = (fit.weight > 0) & (np.maximum(fit.model, scanned.readings) > LOADED_SHARE * level)
+    within = (fit.weight > 0) & (np.maximum(fit.model, scanned.readings) > SKIRT_SHARE * level)
     squared, variance = fit.residual[within] ** 2, scanned.variance[within]
     wanted = fit.freedom * len(squared) + float(np.sqrt(2.0 * len(squared)))  # what noise may make of chi-square
 
@@ -37,7 +36,7 @@ def learned_error(fit: Fit, scanned: Scanned) -> float:
     low, high = _LEAST, _MOST
     if not len(squared) or excess(low) <= 0:
         return low
-    for _ in range(_HALVINGS):
+    for _ in range(30):  # halvings, to a relative error below 1e-8
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
     return high

@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import pose_part
-from taxelflow.numerics.centroid import LOADED_SIGMAS
+from taxelflow.numerics.centroid import LOADED_SIGMAS, SKIRT_SHARE
 from taxelflow.numerics.clock import ROUNDING_S
 from taxelflow.numerics.cut import IN_LINE
 from taxelflow.numerics.rounding import SIGNIFICANT
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools
     from taxelflow.sensors.layout import Layout
 
+FINE = 0.005
+"""The smallest error of a reading that few scans prove, and with which a fit of sharp edges begins; as `COARSE`."""
 COARSE = 0.06
 """Error of a reading, as a share of its contact's largest, with which every fit begins: the flanks of a contact, where
 cross-talk, offsets and hysteresis are large, then weigh no more than its middle. It finds the basin."""
-LOADED_SHARE = 0.03
-"""Share of a contact's largest reading above which a taxel is in the contact."""
 _WELL_LOADED = 0.9
 """Quantile of the scans' largest readings that stands for the contact's."""
 OUT = SIGNIFICANT
@@ -199,7 +199,7 @@ class Scanned:
 
     def loaded(self) -> NDArray[np.bool_]:
         """(scans, taxels), readings that the object surely makes."""
-        floor = np.maximum(LOADED_SIGMAS * np.sqrt(self.variance), LOADED_SHARE * self.amplitude)
+        floor = np.maximum(LOADED_SIGMAS * np.sqrt(self.variance), SKIRT_SHARE * self.amplitude)
         sure: NDArray[np.bool_] = (self.readings > floor) & (self.variance > 0)
         return sure
 

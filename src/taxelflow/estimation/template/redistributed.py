@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
 
-_FEWEST = 4
-"""Scans of which some are near the middle, and others are not."""
 _PARTS = 4
 """One part in this many of the scans is nearest to the middle; one is furthest from it."""
 
@@ -42,7 +40,7 @@ def apart_from_rest(scanned: Scanned, solved: Solved) -> Floats:
 
     Only of sensors with an `unseen_error`: of others the likelihood has decided.
     """
-    if not scanned.unseen_error or len(scanned) < _FEWEST:
+    if not scanned.unseen_error or len(scanned) < _PARTS:
         return np.zeros((0, 2))
     places = reported(solved, scanned)
     apart = places - np.median(places, axis=0)

@@ -39,8 +39,6 @@ _MOST_SHARE = 20.0
 _PLACE, _SLIDES = 0.02, 0.25
 """Standard deviations over that of the fixed point from the origin, one pitch: of positions; and of the velocity, per
 s, at which an object slides while it is pressed."""
-_ROUNDS = 15
-"""Of the coarse fit: more than without growth, for it starts from the load alone."""
 
 
 def grown_starts(scanned: Scanned, states: Floats, start: int) -> list[tuple[Pattern, Floats, Fit]]:
@@ -78,7 +76,8 @@ def _grown_around(scanned: Scanned, place: Floats, start: int) -> tuple[Pattern,
     pattern = covering(scanned, held)
     fill(pattern, scanned.with_error(COARSE), held)
     precision = np.array([np.inf, np.inf, np.inf, _GAIN_STD**-2, SIZE_STD**-2])
-    fit = refine(pattern, scanned, held, rounds=_ROUNDS, error=COARSE, precision=precision)
+    # more rounds than without growth, for it starts from the load alone
+    fit = refine(pattern, scanned, held, rounds=15, error=COARSE, precision=precision)
     return pattern, held, fit
 
 

@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.bspline import state_of
+from taxelflow.numerics.rounding import LINE_POINTS
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
-_FEWEST = 3
-"""Readings that determine a tilt in two directions."""
 _LEAST_RADIUS = 0.1
 """Lower limit of a radius of gyration, in pitches: that across a single line of taxels is 0."""
 
@@ -50,7 +49,7 @@ def without_tilt(
         values = pattern.read(scanned.places, state, scanned.bends[k])
         q = np.nan_to_num(values[:, 0])
         seen = (q > 0) & (readings.variance[k] > 0) & (scanned.readings[k] < scanned.ceiling)
-        if np.count_nonzero(seen) < _FEWEST:
+        if np.count_nonzero(seen) < LINE_POINTS:
             continue
         gain = state_of(state).gain
         jacobian = np.column_stack([gain * values[seen, 1:4], q[seen], gain * values[seen, 4]])

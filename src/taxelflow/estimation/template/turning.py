@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
 _MOST = 0.9
 """An object has not turned if this share of its angles is insignificant."""
-_JERKY = 2.0
-"""Median of the squared second differences of an angle, over their variances, up to which a rotation is smooth. Noise
-alone gives 0.45."""
 _STEADY = 12.0
 """Scans per parameter of an angle that changes smoothly."""
 UNCONVERGED = 1.0
@@ -53,12 +50,8 @@ def outweighs_faults(free: Solved, held: Solved, scanned: Scanned) -> bool:
 
 
 def turns_surely(free: Solved, scanned: Scanned) -> bool:
-    """Whether the angle of a free fit is observable, and changes as smoothly as noise allows."""
-    variance = _variances_of(free.fit.information).theta
-    jerk = np.diff(states_of(free.states).theta, 2)
-    noise = variance[:-2] + 4.0 * variance[1:-1] + variance[2:]
-    steady = len(jerk) == 0 or float(np.median(jerk**2 / noise)) < _JERKY
-    return steady and _observability(free, scanned) > OBSERVABLE
+    """Whether the angle of a free fit is observable."""
+    return _observability(free, scanned) > OBSERVABLE
 
 
 def turns_steadily(free: Solved, held: Solved, scanned: Scanned) -> bool:
@@ -78,7 +71,7 @@ def keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
     """Whether the angle of a free fit is observable and constant; a pattern of noise makes any angle look constant."""
     variance, theta = _variances_of(free.fit.information).theta, states_of(free.states).theta
     theta = theta - np.median(theta)
-    return bool(np.quantile(theta**2 / variance, _MOST) < SIGNIFICANT**2 and _observability(free, scanned) > OBSERVABLE)
+    return bool(np.quantile(theta**2 / variance, _MOST) < SIGNIFICANT**2) and turns_surely(free, scanned)
 
 
 def _observability(free: Solved, scanned: Scanned) -> float:

@@ -29,8 +29,6 @@ from taxelflow.numerics.records import Records
 from taxelflow.numerics.se3 import carried, cholesky, compose, copy_matrix, exponential, invert, multiply, planar_rows
 from taxelflow.runtime.compiling import routine
 
-_ITERATIONS = 4
-"""Steps of Gauss-Newton."""
 _SMALLEST_STEP = 1e-7
 """In m and rad, at which the fit has converged: the next step would be a thousandth of it, or less."""
 _SHARPER = 0.1
@@ -88,7 +86,7 @@ def fit_pose(
     J, joint_std, usual = doubts
     step, centre = np.zeros(6), centre_of(seen.frames[scan], seen.known[scan])
     verdict = Verdict(0, 0.0, 0.0, False, 0)
-    for _ in range(_ITERATIONS):
+    for _ in range(4):  # steps of Gauss-Newton
         linearise(seen, scan, centre, limits, contacts, anchors, body)
         fill_joints(J, joint_std, centre, limits.length_m, contacts)
         doubt_all(contacts, usual)

@@ -15,8 +15,6 @@ FOV_RAD = 0.4
 """Vertical field of view: narrow, so that pads far from the middle are not distorted."""
 MARGIN = 1.06
 """Size of the picture over what it shows."""
-_ROUNDS = 12
-"""Iterations to the nearest camera."""
 _HIDDEN = -0.5
 """Weight of a hidden taxel, where one that faces the camera has weight 1."""
 _HEIGHTS, _TURNS = np.radians((30.0, 42.0, 55.0)), 24
@@ -89,7 +87,7 @@ def fitted(points: Floats, direction: Floats, aspect: float) -> Camera:
     tangent = np.tan(FOV_RAD / 2) / MARGIN
     reach = np.array([tangent * aspect, tangent])
     middle, far = (own[:, :2].min(axis=0) + own[:, :2].max(axis=0)) / 2, 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(12):  # to the nearest camera
         far = float((np.abs(own[:, :2] - middle) / reach + own[:, 2:]).max())
         at = (own[:, :2] - middle) / (far - own[:, 2:])
         middle = middle + 0.5 * (at.min(axis=0) + at.max(axis=0)) * (far - own[:, 2].mean())

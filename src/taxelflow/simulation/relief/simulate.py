@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
     Indices = NDArray[np.int64]
 
-_TRIALS = 30
-"""Steps of the search for the nominal force."""
 _LEAST_N = 0.01
 """The force from which it is searched for, N."""
 _AT_ONCE = 12
@@ -118,7 +116,7 @@ class _Press:
     def _nominal(self, middle: Floats) -> float:
         """The force in N that presses `peak_pa` on one taxel: doubled until it is above, then by bisection."""
         low, high = _LEAST_N, np.inf
-        for _ in range(_TRIALS):
+        for _ in range(30):
             force_n = 2 * low if high == np.inf else (low + high) / 2
             pressure, self._start = self._settled(middle, np.array([[force_n, 0.0, 0.0]]), self._start)
             above = float((self._skin.bare @ pressure[0]).max()) > self._asked.peak_pa

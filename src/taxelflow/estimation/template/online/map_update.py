@@ -23,7 +23,7 @@ from taxelflow.estimation.template.hypotheses import (
 from taxelflow.estimation.template.initialization import IncrementalMapper
 from taxelflow.estimation.template.likelihood import cost
 from taxelflow.estimation.template.map import covering, fill
-from taxelflow.estimation.template.observations import COARSE, Scanned
+from taxelflow.estimation.template.observations import COARSE, FINE, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
 from taxelflow.estimation.template.online.local_map import FIRST_SLACK, LocalMap
 from taxelflow.estimation.template.online.reframing import align_gauge
@@ -43,8 +43,6 @@ _FAR = 1.0
 """In place of `NEAR` for contacts whose size varies: what the size leaves unexplained seems to move them."""
 _DECIDE, MORE = 4, 1.5
 """Keyframes from which hypotheses are compared; and factor of keyframes after which work on them is worth repeating."""
-_YOUNG_ERROR = 0.005
-"""Of a pattern of `ENOUGH_SCANS` keyframes an error below this is not believed, nor that of more below its share."""
 _REPORTED = 0.1
 """Share of the first slack from which on a turn is reported: that of a pattern on which two more fits have agreed."""
 _CUT_SLACK = 0.5
@@ -133,7 +131,7 @@ def _learn(known: LocalMap) -> LocalMap:
         keyframes=Keyframes(keyframes.scanned, states, states if best.turns else keyframes.angled.copy()),
         gains=gains,
         radius=pattern.radius(),
-        error=max(best.error, _YOUNG_ERROR * float(np.sqrt(ENOUGH_SCANS / count))),
+        error=max(best.error, FINE * float(np.sqrt(ENOUGH_SCANS / count))),
         usual=float(np.clip(best.fit.reduced / best.fit.freedom, 1.0, GATE)),
         gain_std=best.gain_std if count >= ENOUGH_SCANS else FIRST_GAIN_STD,
         turns=best.turns,
@@ -151,7 +149,7 @@ def _learn(known: LocalMap) -> LocalMap:
         looked=looked,
     )
     own = replace(pattern)
-    fill(own, scanned.with_error(max(new.error, _YOUNG_ERROR)), states)
+    fill(own, scanned.with_error(max(new.error, FINE)), states)
     pattern.doubt = own.doubt
     if count < YOUNG_KEYFRAMES:
         return new

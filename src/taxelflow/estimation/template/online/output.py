@@ -31,7 +31,7 @@ from taxelflow.estimation.template.online.witness import (
 from taxelflow.estimation.template.two_witnesses import transformed
 from taxelflow.messages import AMBIGUOUS, LOST, OK, UNRESOLVED, Floats
 from taxelflow.numerics.bspline import state_of
-from taxelflow.numerics.rounding import BLURRED
+from taxelflow.numerics.rounding import BLURRED, NEGLIGIBLE
 from taxelflow.numerics.small_linalg import eigenvalues2, factor5, solved5
 from taxelflow.runtime.compiling import lean_kernel
 
@@ -42,8 +42,6 @@ _PATIENCE, _MOST_POOR = 5, 20
 where they do not fit at all, for a pattern that changes is learned again."""
 _LEAP = 1.5
 """A scan that moves this many radii and pitches at once is not believed."""
-_LEAST = 1e-12
-"""Information that is always there, for rounding."""
 _LOUDER = 0.5
 """A change of the gain's logarithm by this much counts as a pitch."""
 
@@ -186,7 +184,7 @@ def _invert(information: Floats, scale: float, cov: Floats) -> None:
 
     A unit matrix if it is not positive.
     """
-    factor = factor5(information, 0.0, _LEAST)
+    factor = factor5(information, 0.0, NEGLIGIBLE)
     for column in range(3):
         x, y, theta = 1.0 if column == 0 else 0.0, 1.0 if column == 1 else 0.0, 1.0 if column == 2 else 0.0
         if factor.positive:

@@ -22,13 +22,12 @@ from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, state_of
+from taxelflow.numerics.robust import FITS
 from taxelflow.numerics.small_linalg import mirror
 from taxelflow.runtime.compiling import lean_kernel
 
 _TIME_S, _LENGTH = 1.0, 0.3
 """In which a residual decays: s, pitches."""
-_FITS = 1.5
-"""Chi-square over the usual up to which the stationary variance is 0."""
 _BEYOND = 0.1
 """Standard deviation of the pressure just beyond the lattice, as a share of the peak."""
 
@@ -78,7 +77,7 @@ def update(
     state, information = m.state, m.information
     _, chi, seen = linearise(surface, taxels, np.inf, state, information, right)
     chi /= max(seen, 1)
-    excess, sudden = max(chi - _FITS * m.usual, 0.0), max(registered * m.usual - _FITS, 0.0)
+    excess, sudden = max(chi - FITS * m.usual, 0.0), max(registered * m.usual - FITS, 0.0)
     for a in range(STATE):
         for b in range(a + 1):
             information[a, b] /= 1.0 + excess

@@ -13,14 +13,12 @@ from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of
 from taxelflow.numerics.centroid import loaded_centroid, pressure_centre
 from taxelflow.numerics.cut import HIDDEN
+from taxelflow.numerics.rounding import NEGLIGIBLE
 from taxelflow.numerics.small_linalg import eigenvalues2
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.anchor import Anchor
-
-_LEAST = 1e-12
-"""Share of a matrix below which its elements off the diagonal are rounding."""
 
 
 @kernel
@@ -208,7 +206,7 @@ def leave_open(scale: float, m: Track, cov: Floats) -> None:
         a, b, c, d = 1.0 - m.hidden[0], -m.hidden[1], -m.hidden[2], 1.0 - m.hidden[3]
         xx, xy, yy = a * a + c * c, a * b + c * d, b * b + d * d
         least = eigenvalues2(xx, yy, xy)[0]
-        x, y = (xy, least - xx) if abs(xy) > _LEAST * (xx + yy) else (1.0, 0.0) if xx <= yy else (0.0, 1.0)
+        x, y = (xy, least - xx) if abs(xy) > NEGLIGIBLE * (xx + yy) else (1.0, 0.0) if xx <= yy else (0.0, 1.0)
         away = m.reach / np.hypot(x, y) if least < HIDDEN * HIDDEN else 0.0
         x, y = away * x, away * y
     cov[0, 0], cov[1, 1] = cov[0, 0] + scale * scale * x * x, cov[1, 1] + scale * scale * y * y
