@@ -186,6 +186,16 @@ def test_lines_as_microcontrollers_print_them_are_read(line: bytes) -> None:
     assert (t_s, values.tolist(), dict(faults.counts)) == (0.5, [1.0, 2.0], {})
 
 
+@pytest.mark.parametrize("columns", [1, 3])
+def test_a_comma_after_the_last_reading_does_not_make_the_first_one_a_time(columns: int) -> None:
+    faults = Faults()
+    line = b"5," * columns + b"\n"
+    assert LineParser(columns, faults, timed=True).feed(line) == []
+    assert faults.counts["bad line"] == 1
+    ((t_s, values),) = LineParser(columns, faults, timed=False).feed(line)
+    assert (t_s, values.tolist()) == (None, [5.0] * columns)
+
+
 @pytest.mark.parametrize("rest", [b"", b"  \r", b"# the end"])
 def test_what_is_no_line_may_end_a_connection(rest: bytes) -> None:
     faults = Faults()

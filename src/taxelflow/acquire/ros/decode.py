@@ -155,12 +155,20 @@ def follow(message: Any, path: str) -> list[Any]:
     has no such field.
     """
     found = [message]
-    for name in path.split("."):
-        own_names = name.removesuffix("[]").split(",")
-        found = [one[own] if isinstance(one, dict) else getattr(one, own) for one in found for own in own_names]
-        if name.endswith("[]"):
-            found = [item for items in found for item in items]
+    for step in path.split("."):
+        names, iterates, key = step.removesuffix("]").partition("[")
+        found = [_field(one, name) for one in found for name in names.split(",")]
+        if iterates:
+            found = [item for items in found for item in (_in_order(items, key) if key else items)]
     return found
+
+
+def _in_order(items: Sequence[Any], key: str) -> list[Any]:
+    return sorted(items, key=lambda item: _field(item, key))
+
+
+def _field(message: Any, name: str) -> Any:
+    return message[name] if isinstance(message, dict) else getattr(message, name)
 
 
 @lru_cache(maxsize=64)
