@@ -71,9 +71,7 @@ class Decoder:
 
     def _fields(self, content: bytes) -> tuple[float, list[NDArray[Any]]]:
         message = self._read(memoryview(content), self._type)  # a view, so that arrays point into it
-        found = [item for path in self._kind.values for item in follow(message, path)]
-        if found and not isinstance(found[0], np.ndarray):
-            found = [np.array(found)]
+        found = parts_of([item for path in self._kind.values for item in follow(message, path)])
         stamps = follow(message, self._kind.stamp) if self._kind.stamp else []
         return (_seconds(stamps[0]) if stamps else np.nan), found
 
@@ -148,6 +146,11 @@ def _stamps(stacked: Bytes, at: int, stamp: str) -> Floats:
 
 def _seconds(stamp: Any) -> float:
     return float(stamp.sec + stamp.nanosec * 1e-9 if hasattr(stamp, "nanosec") else stamp)
+
+
+def parts_of(items: list[Any]) -> list[NDArray[Any]]:
+    """Readings of a message per part (cells,): arrays are parts, single numbers together are one."""
+    return items if not items or np.ndim(items[0]) else [np.array(items)]
 
 
 def follow(message: Any, path: str) -> list[Any]:

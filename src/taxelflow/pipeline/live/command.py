@@ -97,7 +97,7 @@ class Run(FromSource):
 
     to: Annotated[UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="SINK")] = ()
     """Address that results go to: tables:DIR, parquet:DIR, mcap:FILE, jsonl:FILE (jsonl:- for stdout), jsonl-listen://HOST:PORT,
-    foxglove://HOST:PORT. May be given several times."""
+    foxglove://HOST:PORT, lsl:NAME, ros2:. May be given several times."""
     method: str = "convolution"
     """Method of estimation, as for `estimate`."""
     calibration: Path | None = None
