@@ -16,6 +16,7 @@ from synthetic import dome, grid_sensor
 from taxelflow.cli import main
 from taxelflow.pipeline.api import convert, recording
 from taxelflow.publish import terminal
+from taxelflow.runtime import registry
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,6 +38,11 @@ def helped(capsys: Capture, *arguments: str) -> str:
         main(list(arguments))
     assert not done.value.code
     return capsys.readouterr().out
+
+
+def test_the_help_of_a_run_lists_every_sink(capsys: Capture) -> None:
+    said = helped(capsys, "run", "--help")
+    assert [name for name in registry.PARTS["sink"] if f"{name}:" not in said] == []
 
 
 def test_the_version(capsys: Capture) -> None:

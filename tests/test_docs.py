@@ -96,6 +96,13 @@ def test_links_on_a_page_lead_somewhere(page: Path) -> None:
         assert not anchor or anchor in heading_anchors(target), link
 
 
+@pytest.mark.parametrize("page", [*PAGES, README], ids=named)
+def test_estimates_to_type_name_their_results(page: Path) -> None:
+    lines = [line for kind, block in CODE.findall(page.read_text()) if kind in SHELL for line in block.splitlines()]
+    bare = [line for line in lines if "taxelflow estimate " in line and not re.search(r"--(out|help)\b", line)]
+    assert bare == []
+
+
 @pytest.mark.parametrize("page", [*(page for page in PAGES if page.name != "extending.md"), README], ids=named)
 def test_commands_on_a_page_are_known(page: Path, commands: set[str]) -> None:
     for line in code(page):

@@ -22,7 +22,7 @@ from std_msgs.msg import String
 
 from taxelflow import Conditioner, Live, SlipMonitor
 from taxelflow.acquire.ros.columns import columns_of
-from taxelflow.acquire.ros.decode import follow
+from taxelflow.acquire.ros.decode import follow, parts_of
 from taxelflow.acquire.ros.kinds import Kind, kind_of, known_types, ros2_name
 from taxelflow.errors import NameUnknown, ParameterInvalid, TaxelflowError
 from taxelflow.pipeline.live.loop import update_of
@@ -62,31 +62,32 @@ class SlipNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def scan(self, message: Any) -> None:
         """One message."""
-        found = [np.asarray(item, np.float64) for path in self._kind.values for item in follow(message, path)]
+        items = [np.asarray(item, np.float64) for path in self._kind.values for item in follow(message, path)]
+        parts = parts_of(items)
         named = follow(message, self._kind.names) if self._kind.names else ()
-        columns = columns_of(self.live.recording.sensor, self._kind, [part.size for part in found], named)
+        columns = columns_of(self.live.recording.sensor, self._kind, [len(part) for part in parts], named)
         if columns is None:
             self.get_logger().warning("a message does not fit the sensor and is left out", once=True)
             return
         now = self.get_clock().now().nanoseconds * 1e-9
         stamp = follow(message, self._kind.stamp)[0] if self._kind.stamp else None
         sent_s = stamp.sec + 1e-9 * stamp.nanosec if hasattr(stamp, "nanosec") else stamp
-        output = self.live.step(sent_s or now, np.concatenate(found)[columns])
+        output = self.live.step(sent_s or now, np.concatenate(parts)[columns])
         if not len(output):
             return
         for line in json_lines(update_of(output), self.live.pads):
             self._slips.publish(String(data=line.decode().rstrip()))
         for event in output.events:
             self._events.publish(String(data=msgspec.json.encode(event_row(event)).decode()))
-        self._publish_twist(output.motions, getattr(message, "header", None))
+        header = getattr(message, "header", None)
+        self._publish_twist(output.motions, self.get_clock().now().to_msg() if header is None else header.stamp)
 
-    def _publish_twist(self, motions: Any, header: Any) -> None:
+    def _publish_twist(self, motions: Any, stamp: Any) -> None:
         velocity = motions.velocity[-1]
         if not np.isfinite(velocity[:2]).all():
             return
         out = TwistWithCovarianceStamped()
-        if header is not None:
-            out.header.stamp = header.stamp
+        out.header.stamp = stamp
         out.header.frame_id = "hand"
         out.twist.twist.linear.x, out.twist.twist.linear.y = velocity[:2].tolist()
         out.twist.twist.angular.z = float(np.nan_to_num(velocity[2]))

@@ -41,9 +41,10 @@ if TYPE_CHECKING:
 
 FEWEST = 3
 """Scans of a contact below which nothing is left when offset and angle were taken off."""
-_STEP_PITCHES, _STEP_RAD = 5e-3, 0.03
-"""Steps of the central differences, in pitches and rad: about the resolution of a scan, so that structure that is too
-fine to be observed (the cells of the elastic solver's fields) has little effect."""
+_STEP_PITCHES, _TURN_PITCHES = 5e-3, 0.05
+"""Steps of the central differences, in pitches; a turn moves the object's farthest edge by the second. About the
+resolution of a scan, so that structure too fine to be observed (the cells of the elastic solver's fields) has little
+effect."""
 _LOOSE = np.diag([1.0, 1.0, 1e-2])
 """Information added to every pose, of 1 m and 10 rad: keeps the matrices of scans without information invertible."""
 _SPINS_RAD = 0.2
@@ -159,7 +160,8 @@ def modelled(scenario: Scenario, layout: Layout, pad: int, t_s: Floats) -> Model
     own, sensing = layout.of_pad(pad), scenario.sensing
     taxels = np.arange(layout.taxels)[own]
     pressure = pressures(scenario, layout, [pad], t_s)[:, own]
-    steps = np.array([*(_STEP_PITCHES * layout.pitch_m[pad]), _STEP_RAD])
+    pitch_m = layout.pitch_m[pad]
+    steps = np.array([*(_STEP_PITCHES * pitch_m), _TURN_PITCHES * pitch_m.min() / scenario.contact.reach_m])
     there, back = (
         np.stack([pressures(scenario, layout, [pad], t_s, shift)[:, own] for shift in np.diag(way)], axis=-1)
         for way in (steps, -steps)

@@ -62,8 +62,8 @@ class Address:
                 in_path = "; ? in a path is written %3F" if self.path and not self.host else ""
                 raise AddressInvalid(self.url, f"unknown option {name!r}", listed + in_path)
 
-    def number(self, name: str, default: float, lowest: float = 0.0) -> float:
-        """The option of that name as a finite number, at least `lowest`. Raises AddressInvalid."""
+    def number(self, name: str, default: float, lowest: float = 0.0, highest: float = math.inf) -> float:
+        """The option of that name as a finite number, from `lowest` to `highest`. Raises AddressInvalid."""
         text = self.options.get(name)
         if text is None:
             return default
@@ -71,8 +71,9 @@ class Address:
             value = float(text)
         except ValueError:
             value = float("nan")
-        if not (lowest <= value < math.inf):
-            raise AddressInvalid(self.url, f"{name}={text}", f"{name}=NUMBER, at least {lowest:g}")
+        if not (lowest <= value <= highest and math.isfinite(value)):
+            allowed = f"at least {lowest:g}" if math.isinf(highest) else f"{lowest:g} to {highest:g}"
+            raise AddressInvalid(self.url, f"{name}={text}", f"{name}=NUMBER, {allowed}")
         return value
 
     def whole(self, name: str, default: int, lowest: int = 0) -> int:

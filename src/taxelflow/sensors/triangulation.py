@@ -82,14 +82,16 @@ def adjacent(xy: Floats, spacing: float) -> Indices:
     return found
 
 
-def raster(xy: Floats) -> tuple[Indices, Indices, tuple[int, int]]:
-    """row, col (taxels,) and shape of a raster that shows taxels (taxels, 2), no two in one cell, row 0 on top.
+def raster_cell_m(xy: Floats) -> float:
+    """Side of a cell of `raster`: its diagonal is just shorter than the smallest distance of two taxels."""
+    return _CELL * closest_m(xy) / sqrt(2.0)
 
-    The diagonal of a cell is just shorter than the smallest distance of two taxels.
-    """
+
+def raster(xy: Floats) -> tuple[Indices, Indices, tuple[int, int]]:
+    """row, col (taxels,) and shape of a raster that shows taxels (taxels, 2), no two in one cell, row 0 on top."""
     if len(xy) == 1:
         return np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64), (1, 1)
-    cell = _CELL * closest_m(xy) / sqrt(2.0)
+    cell = raster_cell_m(xy)
     col = np.floor((xy[:, 0] - xy[:, 0].min()) / cell).astype(np.int64)
     row = np.floor((xy[:, 1].max() - xy[:, 1]) / cell).astype(np.int64)
     return row, col, (int(row.max()) + 1, int(col.max()) + 1)

@@ -42,6 +42,8 @@ class Glove:
             self.scan += 1
             if self.scan == 30 and self.mode == "breaks":
                 raise ValueError("no\\nmotor")
+            if self.scan == 30 and self.mode == "leaves":
+                raise SystemExit("no licence")
             if self.scan == 30 and self.mode == "falls":
                 raise OSError("bus reset")
             if self.scan == 30 and self.mode == "words":
@@ -74,13 +76,16 @@ def times(path: Path) -> list[float]:
     return [round(json.loads(line)["t_s"], 3) for line in (path / "a.jsonl").read_text().splitlines()]
 
 
+@pytest.mark.parametrize(
+    ("mode", "seen", "line"), [("breaks", "ValueError: no motor", 29), ("leaves", "SystemExit: no licence", 31)]
+)
 def test_an_exception_is_one_line_that_names_the_package_and_results_are_kept(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], mode: str, seen: str, line: int
 ) -> None:
-    assert run("breaks") == 2
+    assert run(mode) == 2
     message = capsys.readouterr().err.splitlines()[-1]
-    assert message.startswith("taxelflow: source 'glove' of the package plug has failed (ValueError: no motor; ")
-    assert message.endswith("plug_with_glove.py, line 29); mend or remove that package")
+    assert message.startswith(f"taxelflow: source 'glove' of the package plug has failed ({seen}; ")
+    assert message.endswith(f"plug_with_glove.py, line {line}); mend or remove that package")
     assert len(times(tmp_path)) == 29
 
 

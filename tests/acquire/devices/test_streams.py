@@ -101,6 +101,22 @@ def test_a_unit_where_no_line_has_a_time_is_refused(url: str, sensor: Sensor, wo
         opened(url, sensor)
 
 
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("dsa:/dev/x?rate=70000", "rate=70000; give rate=NUMBER, 1 to 65535"),
+        ("dsa:/dev/x?crc=-1", "crc=-1; give crc=HEX"),
+        ("dsa:/dev/x?crc=18408", "crc=18408; give crc=HEX"),
+        ("ros2:/x?type=std_msgs/Float32MultiArray&domain=233", r"domain=233; give \?domain=NUMBER, 0 to 232"),
+        ("ros2:/x?type=std_msgs/Float32MultiArray", "ROS_DOMAIN_ID is mine; give"),
+    ],
+)
+def test_numbers_that_a_device_cannot_have_are_refused(url: str, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "mine")
+    with pytest.raises(AddressInvalid, match=words):
+        opened(url, PALM)
+
+
 def test_a_client_that_is_silent_gives_way_to_another_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tcp, "_SILENT_S", 0.0)
     port, scans = free_port(), slid()
@@ -184,6 +200,16 @@ def test_lines_as_microcontrollers_print_them_are_read(line: bytes) -> None:
     parser = LineParser(2, faults, timed=True)
     ((t_s, values),) = [scan for at in range(len(line)) for scan in parser.feed(line[at : at + 1])]
     assert (t_s, values.tolist(), dict(faults.counts)) == (0.5, [1.0, 2.0], {})
+
+
+@pytest.mark.parametrize("columns", [1, 3])
+def test_a_comma_after_the_last_reading_does_not_make_the_first_one_a_time(columns: int) -> None:
+    faults = Faults()
+    line = b"5," * columns + b"\n"
+    assert LineParser(columns, faults, timed=True).feed(line) == []
+    assert faults.counts["bad line"] == 1
+    ((t_s, values),) = LineParser(columns, faults, timed=False).feed(line)
+    assert (t_s, values.tolist()) == (None, [5.0] * columns)
 
 
 @pytest.mark.parametrize("rest", [b"", b"  \r", b"# the end"])

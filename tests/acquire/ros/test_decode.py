@@ -1,12 +1,18 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import json
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_idl, get_typestore
 
 from bagged import PLAIN, ROWS, SDH, SDH_CELLS, message, plain, scans_of, store_of, write_bag, write_mcap_file
+from taxelflow.acquire.devices.base import Faults
+from taxelflow.acquire.devices.rosbridge import RosbridgeParser
+from taxelflow.acquire.ros.decode import Decoder
+from taxelflow.acquire.ros.kinds import kind_of
+from taxelflow.acquire.ros.topics import Topic
 from taxelflow.errors import RecordingCorrupt
 from taxelflow.pipeline.api import read
 
@@ -58,3 +64,26 @@ def test_messages_that_are_not_built_alike_are_read_one_by_one(tmp_path: Path) -
     scans = [[parts[0][:8], parts[0][8:]] if n % 3 else parts for n, parts in enumerate(scans_of(20))]
     path = write_bag(tmp_path / "a.bag", {"/t": ("tactile_msgs/msg/TactileState", scans)})
     np.testing.assert_array_equal(read(path, plain(20)).load().values, [np.concatenate(parts) for parts in scans])
+
+
+def test_sensors_of_a_message_are_read_in_the_order_of_their_positions() -> None:
+    kind, parts = "xela_server_ros2/msg/SensStream", [np.arange(6), np.arange(6, 12)]
+    store = store_of(kind)
+    sent = message(store, kind, 2.5, parts)
+    sent.sensors.reverse()
+    sent.sensors[0].time = 2.6
+    form = kind_of(kind)
+    assert form is not None
+    stamp, (values,) = Decoder(Topic("", kind, None, "cdr"), form).one(bytes(store.serialize_cdr(sent, kind)))
+    assert (stamp, values.tolist()) == (2.5, list(range(12)))
+
+
+def test_so_they_are_through_rosbridge() -> None:
+    def sensor(position: int, numbers: list[int]) -> dict[str, Any]:
+        return {"sensor_pos": position, "time": float(position), "taxels": [dict(zip("xyz", numbers, strict=True))]}
+
+    sent = {"op": "publish", "msg": {"sensors": [sensor(2, [4, 5, 6]), sensor(1, [1, 2, 3])]}}
+    faults = Faults()
+    parser = RosbridgeParser(plain(6), kind_of("xela_server_ros2/SensStream"), faults, timed=True)
+    ((t_s, values),) = parser.feed(json.dumps(sent).encode())
+    assert (t_s, values.tolist(), dict(faults.counts)) == (1.0, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], {})

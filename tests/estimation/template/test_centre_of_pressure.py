@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -12,6 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taxelflow.acquire.base import Recording
+from taxelflow.estimation.template.centre_of_pressure import Centres
+from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.witness import move_covariance
 from taxelflow.estimation.template.two_witnesses import combine, surely
 from taxelflow.evaluation.robustness_rows import CaseRow, row_of
@@ -21,6 +25,9 @@ from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.relief.cases import PLACES, case, sensor_at
 from taxelflow.simulation.relief.parameters import Pressing
 from taxelflow.simulation.relief.simulate import simulate_relief
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -209,3 +216,29 @@ def test_an_object_that_leaves_the_pad_is_where_its_map_has_it(mode: api.Mode) -
     assert abs(off[-1]) < 0.6e-3  # the centre of pressure is 4 mm behind then, and led the pose by 2.4 to 2.9 mm
     assert np.mean((np.abs(off) > 3.0 * std + 1e-4)[known]) < 0.02
     assert known.sum() > 100
+
+
+def test_a_scan_of_which_a_map_predicts_hardly_more_than_none_does_not_place_its_centre() -> None:
+    x, y = np.meshgrid(np.arange(-3.0, 4.0), np.arange(-3.0, 4.0))
+    places, taxels = np.stack([x.ravel(), y.ravel()]), x.size
+    shown = np.tile(100.0 * np.exp(-0.5 * np.sum(places**2, axis=0)), (4, 1))
+    scanned = Scanned.of(
+        np.arange(4.0), places, shown, np.ones_like(shown), np.full(taxels, np.inf), np.zeros(taxels), 0.05
+    )
+    model = shown.copy()
+    beside = places[0] > 1.5
+    model[0, beside] = -0.999 * (shown[0].sum() - shown[0, beside].sum()) / beside.sum()
+    fit = SimpleNamespace(model=model, covariance=np.tile(1e-4 * np.eye(5), (4, 1, 1)))
+    solved: Any = SimpleNamespace(fit=fit, states=np.zeros((4, 5)))
+    centres, inside, off = Centres.of(scanned, scanned.edge, 0.0).uncut(solved, scanned)
+    assert np.abs(inside).max() < 1e-6
+    assert np.abs(centres.place).max() < 1e-6
+    assert np.isfinite(off).all(axis=1).tolist() == [False, True, True, True]
+
+
+@pytest.mark.long
+def test_a_map_that_predicts_less_than_none_leads_no_stream_off_the_pad(recordings: Path) -> None:
+    """Of a real teapot: the centre of a prediction that was hardly more than none lay 480 mm beside a pad of 20 mm."""
+    teapot = api.read(recordings / "sdh-dsa" / "slip_and_rotation_teapot_handle.dsa")
+    steps_m = api.estimate(teapot, "template", mode="stream").slips.displacement[..., :2]
+    assert np.nanmax(np.abs(steps_m)) < 0.01

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from batched import alone, manifest, one_by_one, slides, statuses, written
 from rigged import refused
 from taxelflow.cli import main
+from taxelflow.errors import ClusterFault
 from taxelflow.pipeline.batch import cluster
 from taxelflow.pipeline.batch.task import Outcome, Settings
+from taxelflow.runtime.signals import EndedEarly
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -77,6 +81,56 @@ def test_results_that_a_killed_client_has_not_noted_are_done(capsys: Capture) ->
     assert "2 done (0 now, 2 before), 1 failed" in capsys.readouterr().out
     assert statuses(Path("out")) == {"a.npz": "done", "b.npz": "done", "broken.npz": "failed"}
     assert {row["recording"]: row["seconds"] for row in manifest(Path("out"))}["a.npz"] == ""
+
+
+@pytest.mark.usefixtures("runs")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_batch_in_order_and_keeps_what_is_finished(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture, number: signal.Signals
+) -> None:
+    def outcomes(
+        client: None, settings: Settings, tasks: Iterable[tuple[Path, Path]]
+    ) -> Iterator[tuple[Path, Outcome]]:
+        yield next(one_by_one(client, settings, tasks))
+        signal.raise_signal(number)
+
+    monkeypatch.setattr("taxelflow.pipeline.batch.run.outcomes", outcomes)
+    before = signal.getsignal(number)
+    assert batch() == 130
+    assert capsys.readouterr().err.endswith("interrupted; what is finished is kept: run the same command again\n")
+    assert statuses(Path("out")) == {"a.npz": "done"}
+    assert signal.getsignal(number) is before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_cluster_that_a_signal_meets_at_its_start_is_closed(number: signal.Signals) -> None:
+    seen = []
+
+    @contextmanager
+    def closing() -> Iterator[None]:
+        seen.append("started")
+        yield
+        seen.append("not closed by an exception")
+
+    def start() -> Any:
+        signal.raise_signal(number)
+        return closing()
+
+    with pytest.raises(EndedEarly), cluster._started(start):
+        seen.append("used")
+    assert seen == ["started"]
+
+
+def test_workers_that_do_not_start_are_a_fault_of_the_cluster_unless_a_signal_ended_them() -> None:
+    def start(number: signal.Signals | None = None) -> Any:
+        if number is not None:
+            signal.raise_signal(number)
+        raise RuntimeError("Nanny failed to start.")
+
+    with pytest.raises(ClusterFault, match="do not start: Nanny failed"), cluster._started(start):
+        pass
+    with pytest.raises(EndedEarly), cluster._started(lambda: start(signal.SIGTERM)):
+        pass
 
 
 @pytest.mark.usefixtures("runs")

@@ -35,7 +35,7 @@ class Node:
         self.subscriptions.append((kind, topic, call))
 
     def get_clock(self) -> Any:
-        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=10**9))
+        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=10**9, to_msg=lambda: "now"))
 
     def get_logger(self) -> Any:
         return SimpleNamespace(warning=lambda *_text, **_options: None)
@@ -61,6 +61,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         "geometry_msgs.msg": {"TwistWithCovarianceStamped": twist},
         "std_msgs.msg": {"String": lambda data: SimpleNamespace(data=data)},
         "tactile_msgs.msg": {"TactileState": SimpleNamespace},
+        "xela_server_ros2.msg": {"SensStream": SimpleNamespace},
     }
     for name, content in modules.items():
         module = ModuleType(name)
@@ -92,6 +93,17 @@ def test_scans_in_twist_slips_and_events_out(node: Any) -> None:
     assert moved.header.frame_id == "hand"
     assert moved.twist.twist.linear.x == pytest.approx(0.05, rel=0.3)
     assert moved.twist.covariance[35] == -1.0
+
+
+def test_messages_of_single_numbers_and_without_header_are_read(module: dict[str, Any]) -> None:
+    Node.given |= {"sensor": "xela-4x4@10mm", "type": "xela_server_ros2/SensStream"}
+    node, scans = module["SlipNode"](), slid()
+    for t_s, values in zip(scans.t_s.tolist(), scans.values, strict=True):
+        pressed = 10 * values.reshape(4, 7)[:, 1:5].ravel()
+        taxels = [SimpleNamespace(x=0, y=0, z=int(z)) for z in pressed]
+        node.scan(SimpleNamespace(sensors=[SimpleNamespace(sensor_pos=1, time=10.0 + t_s, taxels=taxels)]))
+    assert json.loads(node.published["~/slips"][-1].data)["t_s"] == pytest.approx(10.0 + scans.t_s[-1])
+    assert node.published["~/object"][-1].header.stamp == "now"
 
 
 def test_a_message_of_another_size_is_left_out(node: Any) -> None:

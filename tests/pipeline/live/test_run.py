@@ -361,6 +361,12 @@ def test_live_refuses_a_scan_of_another_size() -> None:
         Live(PALM).push(RawScans(np.zeros(1), np.zeros((1, 2))))
 
 
+@pytest.mark.parametrize(("t_s", "values"), [("now", [0.0] * 28), (None, [0.0] * 28), (0.0, "text"), (0.0, [{}] * 28)])
+def test_live_refuses_what_is_no_scan(t_s: Any, values: Any) -> None:
+    with pytest.raises(RecordingCorrupt, match=r"the scan: not numbers: .*; give t_s in s, and an array of numbers"):
+        Live(PALM).step(t_s, values)
+
+
 @pytest.mark.parametrize(
     ("url", "words"),
     [

@@ -8,6 +8,7 @@ import stat
 import threading
 import time
 from contextlib import suppress
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from streaming import PALM, connected, free_port, lines, published, running, sli
 from taxelflow import load_sensor
 from taxelflow.acquire.devices.base import Faults
 from taxelflow.errors import AddressInvalid
+from taxelflow.numerics.geometry import rotation
 from taxelflow.pipeline.live import workers
 from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.pipeline.live.latency import Latencies
@@ -79,6 +81,30 @@ def test_pads_are_drawn_where_they_lie_in_the_hand() -> None:
     own = np.stack([hand.layout.x_m[palm], hand.layout.y_m[palm]])
     turned = np.array([[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]]) @ own + [[x], [y]]
     assert np.allclose(points[palm, :2], turned.T, atol=1e-6)
+
+
+class _Plain:
+    """In place of foxglove's messages: fields as they were given."""
+
+    def __getattr__(self, _name: str) -> Any:
+        return SimpleNamespace
+
+
+@pytest.mark.parametrize("name", ["barretthand-162", "barretthand-bh280-96", "hexagon-61", "icub-fingertip-12"])
+def test_each_taxel_lies_in_the_cell_of_the_grid_that_has_its_reading(name: str) -> None:
+    layout = load_sensor(name).layout
+    drawing = Drawing(load_sensor(name))
+    drawing._messages = _Plain()
+    readings = np.arange(1.0, layout.taxels + 1)
+    for pad in range(layout.pad_count):
+        own = layout.of_pad(pad)
+        grid = drawing._grid(pad, readings, None)
+        turn = 2 * np.arctan2(grid.pose.orientation.z, grid.pose.orientation.w)
+        corner = np.array([grid.pose.position.x, grid.pose.position.y])
+        there = (drawing._points[own, :2] - corner) @ rotation(turn)
+        col, row = np.floor(there / [grid.cell_size.x, grid.cell_size.y] + [1e-4, -1e-4]).astype(int).T
+        cells = np.frombuffer(grid.data, np.float32).reshape(-1, grid.column_count)
+        np.testing.assert_array_equal(cells[row, col], readings[own])
 
 
 def test_a_file_goes_on_when_a_full_disk_has_room_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

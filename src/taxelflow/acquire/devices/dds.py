@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
+_MOST_DOMAIN = 232
+"""The last domain that has ports."""
 _FINGERS = ("one", "two", "three", "four", "five")
 _FIELDS = (
     *(f"finger{finger}_{part}_touch" for finger in _FINGERS[:4] for part in ("tip", "top", "palm")),
@@ -151,7 +153,12 @@ class CdrParser:
 
 def domain_of(address: Address) -> int:
     """The option domain, else ROS_DOMAIN_ID, else 0. Raises AddressInvalid."""
-    return int(address.number("domain", float(os.environ.get("ROS_DOMAIN_ID") or 0)))
+    own = os.environ.get("ROS_DOMAIN_ID") or "0"
+    text = address.options.get("domain", own)
+    if not (text.isdecimal() and int(text) <= _MOST_DOMAIN):
+        seen = f"domain={text}" if "domain" in address.options else f"ROS_DOMAIN_ID is {own}"
+        raise AddressInvalid(address.url, seen, f"?domain=NUMBER, 0 to {_MOST_DOMAIN}")
+    return int(text)
 
 
 def message_type(address: Address) -> tuple[str, Kind]:

@@ -7,6 +7,7 @@ states the polynomial of the checksum, so it is an option.
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,6 +36,10 @@ _LONGEST = 8192
 """Bytes of a message at most: a larger length is a damaged one."""
 POLYNOMIAL = "8408"
 """CRC-16-CCITT, reversed: an assumption."""
+_MOST = 0xFFFF
+"""Largest number of 16 bits."""
+_RATE = 30
+"""Default scan rate, Hz."""
 
 
 def checksum(content: bytes, table: list[int]) -> int:
@@ -154,7 +159,7 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     device = address.need_path("dsa:/dev/ttyUSB0")
     sensor, faults = sensor or load_sensor("schunk-sdh2"), Faults()
     polynomial = polynomial_of(address)
-    payload = struct.pack("<BH", _ACQUIRES | RUN_LENGTHS, round(address.number("rate", 30, 1)))
+    payload = struct.pack("<BH", _ACQUIRES | RUN_LENGTHS, round(address.number("rate", _RATE, 1, _MOST)))
     line = _DsaLine(device, frame(ACQUIRE, payload, crc_table(polynomial)))
     return ByteSource(address, sensor, line, DsaParser(sensor.layout, faults, polynomial), faults)
 
@@ -162,7 +167,7 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
 def polynomial_of(address: Address) -> int:
     """The option crc, a reversed polynomial in hexadecimal. Raises AddressInvalid."""
     text = address.options.get("crc", POLYNOMIAL)
-    try:
-        return int(text, 16) & 0xFFFF
-    except ValueError as error:
-        raise AddressInvalid(address.url, f"crc={text}", "crc=HEX, a reversed polynomial such as 8408") from error
+    with suppress(ValueError):
+        if 0 < (polynomial := int(text, 16)) <= _MOST:
+            return polynomial
+    raise AddressInvalid(address.url, f"crc={text}", "crc=HEX, a reversed polynomial of 16 bits such as 8408")

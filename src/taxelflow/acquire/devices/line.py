@@ -90,7 +90,10 @@ class LineParser:
         fields = line.translate(_SEPARATORS).split(b",")
         if len(fields) == 1 != wanted:
             fields = line.split()
-        if len(fields) == wanted + 1 and not fields[-1].strip():  # a comma after each number, the last one as well
+        after_each = (wanted, wanted + 1) if self._timed else (wanted + 1,)
+        if len(fields) in after_each and not fields[-1].strip():
+            # A comma after each number, the last one as well: a line of as many fields as time and readings that ends
+            # in one has no time. A last reading that is missing is written as nan.
             fields.pop()
         if len(fields) != wanted:
             form = "time and readings" if self._timed else "readings"

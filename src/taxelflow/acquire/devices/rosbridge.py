@@ -16,7 +16,7 @@ from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, need_sensor
 from taxelflow.acquire.devices.websocket import WebSocket
 from taxelflow.acquire.ros.columns import columns_of
-from taxelflow.acquire.ros.decode import follow
+from taxelflow.acquire.ros.decode import follow, parts_of
 from taxelflow.acquire.ros.kinds import kind_of, known_types
 from taxelflow.errors import AddressInvalid
 from taxelflow.runtime.endpoints import authority
@@ -63,8 +63,7 @@ class RosbridgeParser:
 
     def _scan(self, message: dict[str, Any], kind: Kind) -> tuple[float | None, Floats]:
         """Time and values. Raises ValueError, and KeyError for a message of another type."""
-        found = [_numbers(item) for path in kind.values for item in follow(message, path)]
-        parts = found if found and found[0].ndim else [np.array(found, np.float64)]
+        parts = parts_of([_numbers(item) for path in kind.values for item in follow(message, path)])
         named = [str(name) for name in follow(message, kind.names)] if kind.names else ()
         columns = columns_of(self._sensor, kind, [len(part) for part in parts], named)
         if columns is None:

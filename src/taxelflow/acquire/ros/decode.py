@@ -71,9 +71,7 @@ class Decoder:
 
     def _fields(self, content: bytes) -> tuple[float, list[NDArray[Any]]]:
         message = self._read(memoryview(content), self._type)  # a view, so that arrays point into it
-        found = [item for path in self._kind.values for item in follow(message, path)]
-        if found and not isinstance(found[0], np.ndarray):
-            found = [np.array(found)]
+        found = parts_of([item for path in self._kind.values for item in follow(message, path)])
         stamps = follow(message, self._kind.stamp) if self._kind.stamp else []
         return (_seconds(stamps[0]) if stamps else np.nan), found
 
@@ -150,17 +148,30 @@ def _seconds(stamp: Any) -> float:
     return float(stamp.sec + stamp.nanosec * 1e-9 if hasattr(stamp, "nanosec") else stamp)
 
 
+def parts_of(items: list[Any]) -> list[NDArray[Any]]:
+    """Readings of a message per part (cells,): arrays are parts, single numbers together are one."""
+    return items if not items or np.ndim(items[0]) else [np.array(items)]
+
+
 def follow(message: Any, path: str) -> list[Any]:
     """Values at a path of `Kind`, of a message or of one as a dict. Raises AttributeError or KeyError where the message
     has no such field.
     """
     found = [message]
-    for name in path.split("."):
-        own_names = name.removesuffix("[]").split(",")
-        found = [one[own] if isinstance(one, dict) else getattr(one, own) for one in found for own in own_names]
-        if name.endswith("[]"):
-            found = [item for items in found for item in items]
+    for step in path.split("."):
+        names, iterates, key = step.removesuffix("]").partition("[")
+        found = [_field(one, name) for one in found for name in names.split(",")]
+        if iterates:
+            found = [item for items in found for item in (_in_order(items, key) if key else items)]
     return found
+
+
+def _in_order(items: Sequence[Any], key: str) -> list[Any]:
+    return sorted(items, key=lambda item: _field(item, key))
+
+
+def _field(message: Any, name: str) -> Any:
+    return message[name] if isinstance(message, dict) else getattr(message, name)
 
 
 @lru_cache(maxsize=64)

@@ -21,7 +21,7 @@ class Kind:
     """Names `package/msg/Name` as in ROS 2, with wildcards."""
     values: tuple[str, ...]
     """Paths of the fields that hold the readings, pad by pad: a dot enters a field, `[]` iterates over a list, commas
-    separate fields that are all read."""
+    separate fields that are all read; `[field]` iterates in the order of that field of the items."""
     names: str = ""
     """Path of the parts' names: where they are those of the sensor's pads, they give the order."""
     stamp: str = ""
@@ -103,8 +103,8 @@ KINDS = (
     ),
     Kind(
         types=("*/msg/SensStream",),
-        values=("sensors[].taxels[].x,y,z",),
-        stamp="sensors[].time",
+        values=("sensors[sensor_pos].taxels[].x,y,z",),  # the server lists sensors as they answer
+        stamp="sensors[sensor_pos].time",
         sensors=("xela-4x4",),
         definition="{package}/SensorFull[] sensors"
         + _SUB

@@ -60,6 +60,9 @@ _LEAP = 1.0
 """Pitches from scan to scan above which a map does not determine how far an object has moved."""
 _ROUNDS = 3
 """Of reweighting, in which scans that the border cuts count less, to find the centre of a map."""
+_HAS_CENTRE = 0.5
+"""Share of the size of a predicted pressure above which its sum has a centre: a spline may predict less than none
+beside its object, and the mean place of what nearly cancels is anywhere, once half a metre off the pad."""
 
 
 @kernel
@@ -109,21 +112,23 @@ class Centres(NamedTuple):
         """The centres corrected for the pad's border, as far as the map of a solved contact predicts its effect.
 
         Also, in the object's frame, the map's centre for most scans (2,), and the shift from it in each scan (scans,
-        2). before: anchor by an earlier map of some of these scans. They keep their mean shift, so that the point that
-        the centre follows does not depend on which scans a map is made of.
+        2), NaN where the map predicts none. before: anchor by an earlier map of some of these scans. They keep their
+        mean shift, so that the point that the centre follows does not depend on which scans a map is made of.
 
         The covariance contains the correction, which follows from the map. Scans before and after a jump are compared
         among themselves only: their part of the map may be another pattern.
         """
         found = np.empty((len(scanned), 11))
-        _centres(replace(scanned, readings=solved.fit.model).with_error(0.0), scanned.edge, 0.0, found)
+        model = solved.fit.model
+        _centres(replace(scanned, readings=model).with_error(0.0), scanned.edge, 0.0, found)
+        has_centre = np.nansum(model, axis=1) > _HAS_CENTRE * np.nansum(np.abs(model), axis=1)
         states = solved.states
         inside, own = _in_body(found[:, :2], states), solved.fit.covariance
-        known, spread = self.known & (found[:, 3] > 0), own[:, 0, 0] + own[:, 1, 1] + self.spread
+        known, spread = self.known & has_centre & (found[:, 3] > 0), own[:, 0, 0] + own[:, 1, 1] + self.spread
         leaps = np.hypot(*np.diff(states[:, :2], axis=0).T) > _LEAP
         run = np.concatenate([[0], np.cumsum(leaps)])
         most = int(np.argmax(np.bincount(run, weights=known)))
-        off, middle = np.zeros_like(inside), np.zeros(2)
+        off, middle = np.zeros_like(inside), np.full(2, np.nan)
         held = before.held(scanned.t_s) if before is not None else np.full_like(inside, np.nan)
         for number in np.unique(run[known]).tolist():
             own_run = known & (run == number)
@@ -142,6 +147,7 @@ class Centres(NamedTuple):
         shift *= (shares if before is None else np.full_like(shares, shares[known].max(initial=0.0)))[:, np.newaxis]
         x, y = shift.T
         doubted = self.covariance + np.stack([x * x, x * y, y * y], axis=1)
+        off = np.where(known[:, np.newaxis], off, np.nan)
         return self._replace(place=self.place - shift, covariance=doubted), middle, off
 
 

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import logging
+import signal
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from hashlib import blake2b
 from itertools import islice
+from multiprocessing import resource_tracker
 from pickle import dumps
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.errors import ClusterFault, ExtraMissing
 from taxelflow.pipeline.batch.task import Outcome, Settings, estimate_one
+from taxelflow.runtime.signals import EndedEarly, Signals
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
 
@@ -69,17 +72,44 @@ def connected(scheduler: str | None, workers: int | None, *, most: int) -> Itera
         return
     with (
         dask.config.set(_QUIET),
-        LocalCluster(  # type: ignore[no-untyped-call]
-            n_workers=min(workers or CPU_COUNT, most),
-            threads_per_worker=1,
-            host="127.0.0.1",
-            dashboard_address="127.0.0.1:0",  # a free port
-            memory_limit=None,  # a recording is read in blocks; a worker that is stopped by a guess loses its task
-            silence_logs=logging.CRITICAL,
+        _started(
+            lambda: LocalCluster(  # type: ignore[no-untyped-call]
+                n_workers=min(workers or CPU_COUNT, most),
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",  # a free port
+                memory_limit=None,  # a recording is read in blocks; a worker that is stopped by a guess loses its task
+                silence_logs=logging.CRITICAL,
+            )
         ) as cluster,
         Client(cluster, set_as_default=False) as client,  # type: ignore[no-untyped-call]
     ):
         yield client
+
+
+@contextmanager
+def _started(start: Callable[[], Any]) -> Iterator[Any]:
+    """A cluster of this machine. Raises EndedEarly, ClusterFault.
+
+    A signal counts once it has started: Dask leaves a traceback of one that is broken off. Its processes do not hear
+    the Ctrl-C of a terminal, which would make each print one; this process ends them.
+    """
+    with Signals() as signals:
+        signals.begin()
+        resource_tracker.ensure_running()  # where it starts, it lets the signal through again
+        heard = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # threads and processes inherit it
+        try:
+            cluster = start()
+        except RuntimeError as error:
+            if signals.asked.is_set():
+                raise EndedEarly from error
+            raise ClusterFault(f"workers of this machine do not start: {error}", _AGAIN) from error
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, heard)
+    with cluster:
+        if signals.asked.is_set():
+            raise EndedEarly
+        yield cluster
 
 
 @contextmanager

@@ -45,6 +45,7 @@ class Batch(Source, Estimating):
         from taxelflow.pipeline.batch.recordings import find_recordings
         from taxelflow.pipeline.batch.run import run_batch
         from taxelflow.pipeline.batch.task import Settings
+        from taxelflow.runtime.signals import Signals
         from taxelflow.sensors.catalogue import load_sensor
 
         if further := [word for word in rest if not word.startswith("-") and Path(word).exists()]:
@@ -64,7 +65,10 @@ class Batch(Source, Estimating):
         out = self.out.absolute()
         recordings = find_recordings(self.recordings, out, folders=folders)
         try:
-            report = run_batch(recordings, out, settings, self.scheduler, self.workers, retry_failed=self.retry_failed)
+            with Signals():  # a scheduler of jobs sends SIGTERM, which would leave Dask's workers to themselves
+                report = run_batch(
+                    recordings, out, settings, self.scheduler, self.workers, retry_failed=self.retry_failed
+                )
         except KeyboardInterrupt:
             print("taxelflow: interrupted; what is finished is kept: run the same command again", file=sys.stderr)
             return INTERRUPTED

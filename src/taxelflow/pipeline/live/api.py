@@ -92,7 +92,12 @@ class Live:
         after a jump of the clock, time continues from the last scan. Raises TaxelCountWrong, RecordingCorrupt, and
         RunEnded after `finish`.
         """
-        readings = floats_of(values)
+        try:
+            now_s, readings = float(t_s), floats_of(values)
+        except (TypeError, ValueError) as error:
+            raise RecordingCorrupt(
+                "the scan", f"not numbers: {error}", "give t_s in s, and an array of numbers"
+            ) from error
         sensor = self.recording.sensor
         columns = sensor.channel_map.columns
         if readings.ndim > 1 and readings.shape in sensor.images:
@@ -102,7 +107,7 @@ class Live:
             raise RecordingCorrupt("the scan", f"it has shape {readings.shape}", remedy)
         if len(readings) != columns:
             raise TaxelCountWrong("the scan", len(readings), sensor.name, columns)
-        placed_s = self._timeline.place(Arrival(time.monotonic(), float(t_s), readings))
+        placed_s = self._timeline.place(Arrival(time.monotonic(), now_s, readings))
         if placed_s is None:
             return self.push(no_time(columns))
         self._faults.count_absurd(readings)

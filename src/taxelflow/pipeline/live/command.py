@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.devices.base import Source
     from taxelflow.pipeline.live.loop import Limits, Report
-    from taxelflow.pipeline.live.signals import Signals
+    from taxelflow.runtime.signals import Signals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +50,8 @@ class FromSource:
 
     def run(self, rest: list[str]) -> int:
         """Run until the source ends or a signal asks for the end; print the totals."""
-        from taxelflow.pipeline.live.signals import EndedEarly, Signals
         from taxelflow.pipeline.live.status import say_totals
+        from taxelflow.runtime.signals import EndedEarly, Signals
 
         with Signals() as signals:
             try:
@@ -97,7 +97,7 @@ class Run(FromSource):
 
     to: Annotated[UseAppendAction[tuple[str, ...]], tyro.conf.arg(metavar="SINK")] = ()
     """Address that results go to: tables:DIR, parquet:DIR, mcap:FILE, jsonl:FILE (jsonl:- for stdout), jsonl-listen://HOST:PORT,
-    foxglove://HOST:PORT. May be given several times."""
+    foxglove://HOST:PORT, lsl:NAME, ros2:. May be given several times."""
     method: str = "convolution"
     """Method of estimation, as for `estimate`."""
     calibration: Path | None = None

@@ -67,7 +67,7 @@ class Intake(threading.Thread):
         self.timeline = Timeline(source.faults, paced=getattr(source, "paced", True))
         self.scans_in = 0
         self.overrun = 0
-        self.error: Exception | None = None
+        self.error: BaseException | None = None
         self._source, self._raw_sinks, self._stop_asked, self._most = source, raw_sinks, stop, most
         self._estimates = estimates
         self._waiting: deque[Placed] = deque()
@@ -110,7 +110,7 @@ class Intake(threading.Thread):
                     break
                 if arrival is not None and self._is_last(arrival):
                     break
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # a thread that exits ends without a word
             self.error = error
         finally:
             with self._come:

@@ -15,13 +15,13 @@ from taxelflow.acquire.metadata import texts_of
 from taxelflow.messages import joined
 from taxelflow.pipeline.live.intake import Intake, block_of
 from taxelflow.pipeline.live.latency import Latencies
-from taxelflow.pipeline.live.signals import Signals
 from taxelflow.pipeline.live.workers import SinkWorker
 from taxelflow.pipeline.run_summary import summarise
 from taxelflow.pipeline.stages import Output
 from taxelflow.publish.sinks.base import Ending, Head, Update
 from taxelflow.publish.sinks.lines import scan_texts
 from taxelflow.publish.summary import Totals
+from taxelflow.runtime.signals import Signals
 from taxelflow.runtime.threads import quick_turns
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ import numpy as np
 
 from taxelflow.errors import ExtraMissing
 from taxelflow.numerics.clock import nanoseconds
+from taxelflow.sensors.triangulation import raster_cell_m
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,6 +51,7 @@ class Drawing:
         self._messages: Any = messages
         self._sensor, self._layout = sensor, sensor.layout
         self._place = _places(self._layout)
+        self._cells = [_cells(self._layout, pad) for pad in range(self._layout.pad_count)]
         self._points = np.zeros((self._layout.taxels, 4), np.float32)
         for pad in range(self._layout.pad_count):
             own = self._layout.of_pad(pad)
@@ -117,19 +119,15 @@ class Drawing:
     def _grid(self, pad: int, readings: Floats, stamp: Any) -> Any:
         messages, layout = self._messages, self._layout
         image = np.ascontiguousarray(np.flipud(layout.grid(pad, readings, 0.0)), np.float32)  # y grows upwards
-        rows, cols = image.shape
-        own = layout.of_pad(pad)
-        pitch = layout.pitch_m[pad]
-        left = layout.x_m[own].min() - (layout.col[own].min() + 0.5) * pitch[0]
-        low = layout.y_m[own].max() - (rows - layout.row[own].min() - 0.5) * pitch[1]
-        x, y = self._in_hand(pad, np.array([[left, low]]))[0].tolist()
+        cell, corner = self._cells[pad]
+        x, y = self._in_hand(pad, corner[np.newaxis])[0].tolist()
         return messages.Grid(
             timestamp=stamp,
             frame_id=_FRAME,
             pose=self._pose(x, y, float(self._place[pad, 2])),
-            column_count=cols,
-            cell_size=messages.Vector2(x=float(pitch[0]), y=float(pitch[1])),
-            row_stride=_FLOAT * cols,
+            column_count=image.shape[1],
+            cell_size=messages.Vector2(x=float(cell[0]), y=float(cell[1])),
+            row_stride=_FLOAT * image.shape[1],
             cell_stride=_FLOAT,
             fields=self._value,
             data=np.nan_to_num(image).tobytes(),
@@ -149,6 +147,18 @@ class Drawing:
 
     def _stamp(self, t_ns: int) -> Any:
         return self._messages.Timestamp(sec=t_ns // 10**9, nsec=t_ns % 10**9)
+
+
+def _cells(layout: Layout, pad: int) -> tuple[Floats, Floats]:
+    """Size of a cell of the pad's image, and its lower left corner in the pad's frame, (2,), m."""
+    own, pitch = layout.of_pad(pad), layout.pitch_m[pad]
+    row, col, rows = layout.row[own], layout.col[own], layout.shapes[pad][0]
+    xy = np.stack([layout.x_m[own], layout.y_m[own]], axis=1)
+    left, top = xy[:, 0].min(), xy[:, 1].max()
+    if layout.tables[pad] and len(xy) > 1:
+        cell = np.full(2, raster_cell_m(xy))
+        return cell, np.array([left, top - rows * cell[1]])
+    return pitch, np.array([left - (col.min() + 0.5) * pitch[0], top - (rows - row.min() - 0.5) * pitch[1]])
 
 
 def _places(layout: Layout) -> Floats:

@@ -10,7 +10,7 @@ import pytest
 from streaming import free_port
 from taxelflow.acquire.devices.base import Backoff
 from taxelflow.cli import main
-from taxelflow.pipeline.live.signals import EndedEarly, Signals
+from taxelflow.runtime.signals import EndedEarly, Signals
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM end a run in order, from its first step to its last."""
+"""SIGINT and SIGTERM end a run or a batch in order, from its first step to its last."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class EndedEarly(KeyboardInterrupt):
-    """A signal came before the source was open: nothing has been read or written."""
+    """A signal came before a live run has begun, where nothing has been read or written; or in a batch."""
 
 
 class Signals:
