@@ -79,7 +79,8 @@ def _compare(
     for start in range(2):
         state, fit = np.zeros(3), room_for(len(pair.chosen))
         if start == 0:
-            state[:] = moved
+            for a in range(3):
+                state[a] = moved[a]
         left = slide(skin, pair, state, fit)
         if left < best:
             best, x, y, inside = left, state[0], state[1], fit.inside

@@ -159,7 +159,7 @@ class Run:
         self._moved_apart: list[Bools] = []
         self._estimated: list[Slips] = []
         self._slip = pipeline.monitor.watch(layout, stream=self._stream, judged=judges(self._estimator))
-        self._rest_hypothesis = RestHypothesis(layout, stream=self._stream)
+        self._shifts = RestHypothesis(layout, stream=self._stream)
         self._ended = False
         self._nothing = self._without_scans(no_scans(layout.entries, len(layout.pads)))
 
@@ -241,12 +241,13 @@ class Run:
             self._space.finish()
 
     def _segment_and_estimate(self, scans: Scans) -> Iterator[Output]:
-        scans = _in_rows(scans)
+        if not scans.pressure.flags.c_contiguous:  # kernels of a session are called for the types of its first arrays
+            scans = replace(scans, pressure=np.ascontiguousarray(scans.pressure))
         segmented = self._segment.step(scans)
         self._segmented.append(segmented.contacts)
         self._textures.append(segmented.texture)
         self._moved_apart.append(segmented.moved_apart)
-        self._rest_hypothesis.see(self._slip.see(segmented.scans))
+        self._shifts.see(self._slip.see(segmented.scans))
         yield from self._detect(self._estimate.step(segmented.scans))
 
     def _detect(self, slips: Slips) -> Iterator[Output]:
@@ -259,7 +260,7 @@ class Run:
         self._moved_apart = [moved_apart[len(slips) :]] if len(moved_apart) > len(slips) else []
         if moved_apart.any():
             slips.quality[moved_apart[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no rigid object moves so
-        self._rest_hypothesis.step(slips)
+        self._shifts.step(slips)
         self._estimated.append(slips.whole())  # slips are detected by what noise does
         yield from self._judged(self._slip.step(slips))
 
@@ -270,7 +271,7 @@ class Run:
                 yield replace(self._nothing, events=judged.events)
             return
         slips, self._estimated = split(self._estimated, len(judged))
-        slips = self._rest_hypothesis.doubted(slips)
+        slips = self._shifts.doubted(slips)
         contacts, self._segmented = split(self._segmented, len(judged))
         texture, self._textures = split(self._textures, len(judged))
         motions = self._fuse.step(slips, contacts.centroid, texture)
@@ -284,12 +285,6 @@ class Run:
         footprint = Footprint(scans.t_s, scans.contact, np.zeros((*none.shape, 2), dtype=np.bool_), none)
         slips, contacts = Slips.of(footprint, Estimates.unknown(scans)), self._segment.step(scans).contacts
         return Output(slips, slips.contact, self._fuse.step(slips, contacts.centroid), [], contacts, none, none)
-
-
-def _in_rows(scans: Scans) -> Scans:
-    """Scans whose pressure is contiguous: kernels of a session are called for the types of its first arrays."""
-    contiguous = scans.pressure.flags.c_contiguous
-    return scans if contiguous else replace(scans, pressure=np.ascontiguousarray(scans.pressure))
 
 
 def _started(pipeline: Pipeline, recording: Recording) -> EstimatorSession:
