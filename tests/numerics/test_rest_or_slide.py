@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from elastic_skin import PLACES, pressed
-from taxelflow.numerics.rest_or_slide import compare, shared
+from taxelflow.numerics.rest_or_slide import comparable, compare
 from taxelflow.numerics.slid import Skin
 
 if TYPE_CHECKING:
@@ -84,7 +84,12 @@ def test_without_load_nothing_is_left() -> None:
     assert compare(Skin.of(PLACES), none, none, NOISE, np.zeros(3), sinks=False)[:3] == (0.0,) * 3
 
 
-def test_load_on_taxels_that_were_loaded_is_shared() -> None:
-    assert shared(pressed(), pressed()) > 0.99
-    assert shared(pressed(x=-3.0), pressed(x=3.0)) < 0.5
-    assert shared(pressed(), np.zeros(len(PLACES))) == 0.0
+def test_patterns_are_comparable_where_half_of_the_load_is_on_the_same_taxels() -> None:
+    assert comparable(pressed(), pressed())
+    assert not comparable(pressed(x=-3.0), pressed(x=3.0))
+    assert not comparable(pressed(), np.zeros(len(PLACES)))
+
+
+def test_a_slide_that_knows_little_of_the_pattern_explains_nothing() -> None:
+    found = compare(Skin.of(PLACES), pressed(), pressed(), NOISE, np.array([30.0, 0.0, 0.0]), sinks=True)
+    assert np.hypot(found.x, found.y) < 0.1

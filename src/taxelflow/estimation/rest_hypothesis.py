@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import AMBIGUOUS, OK, Bools, Bytes, Floats
-from taxelflow.numerics.rest_or_slide import SAME, compare, shared
+from taxelflow.numerics.rest_or_slide import comparable, compare
 from taxelflow.numerics.rounding import BLURRED
 from taxelflow.numerics.small_linalg import eigenvalues2
 from taxelflow.runtime.compiling import kernel
@@ -141,7 +141,7 @@ class RestHypothesis:
     def _has_moved(self, pad: int, before: _Reference, now: _Reference, noise: float) -> bool:
         """Whether a slide explains a pattern at least as well as rest. noise: standard deviation of a reading."""
         away = now.place - before.place
-        if shared(before.pressure, now.pressure) < SAME:
+        if not comparable(before.pressure, now.pressure):
             return True
         if np.hypot(*away[:2]) < _NEAR:
             self._excursion[pad] += 1

@@ -19,12 +19,10 @@ import numpy as np
 from taxelflow.messages import Floats
 from taxelflow.numerics.centroid import SKIRT_SHARE
 from taxelflow.numerics.rounding import SIGNIFICANT
-from taxelflow.numerics.slid import UNKNOWNS, Pair, Skin, room_for, slide
+from taxelflow.numerics.slid import SAME, UNKNOWNS, Pair, Skin, room_for, slide
 from taxelflow.numerics.sunk_and_tilted import find_centre, freedom, squares_at_rest
 from taxelflow.runtime.compiling import kernel
 
-SAME = 0.5
-"""Share of the load that must be on taxels that were loaded before, for two patterns to be compared."""
 _MOST_TAXELS = 100
 """Taxels that decide, evenly spread over a large contact."""
 
@@ -94,8 +92,8 @@ def covers(before: Floats, after: Floats) -> bool:
     return bool(np.minimum(before, after).min() > SKIRT_SHARE * max(before.max(), after.max()))
 
 
-def shared(before: Floats, after: Floats) -> float:
-    """Share of the load of a pattern (taxels,) on taxels that were loaded in the one before."""
+def comparable(before: Floats, after: Floats) -> bool:
+    """Whether half of the load of a pattern (taxels,) is on taxels that were loaded in the one before."""
     load, was = np.maximum(after, 0.0), before > SKIRT_SHARE * before.max()
     total = float(load.sum())
-    return float(load[was].sum()) / total if total > 0.0 else 0.0
+    return total > 0.0 and float(load[was].sum()) >= SAME * total

@@ -17,6 +17,8 @@ from taxelflow.runtime.compiling import lean_kernel, routine
 
 UNKNOWNS = 4
 """Of a slide: place, angle and gain; sinking is one more."""
+SAME = 0.5
+"""Share of a pattern that must be known from the one before, for both to be compared."""
 _HALF = 0.6
 """Pitches to which a taxel reads around its centre, with a tenth to spare."""
 _ENOUGH = 1e-3
@@ -85,7 +87,7 @@ def slide(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
     damping, trial, other = _DAMPING, np.empty(3), room_for(len(pair.chosen))
     information, step = np.empty((3, 3)), np.empty(3)
     left = _linearise(skin, pair, state, fit)
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS if left < np.inf else 0):
         _add_normal(fit, information, step)
         stiff = RIDGE * (information[0, 0] + information[1, 1] + information[2, 2]) + _TINY
         for a in range(3):
@@ -133,8 +135,12 @@ def _add_normal(fit: Fit, information: Floats, step: Floats) -> None:
 
 @lean_kernel
 def _linearise(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
-    """Fill in what a slide (x, y, angle) about the centre leaves, and its slopes; return the squares left."""
-    _read(skin, pair, state, fit)
+    """Fill in what a slide (x, y, angle) about the centre leaves, and its slopes; return the squares left.
+
+    Infinite if it knows less than half of the readings, squared.
+    """
+    if _read(skin, pair, state, fit) < SAME:
+        return np.inf
     sums, slopes = fit.sums, fit.slopes
     sinks = 1.0 if pair.sinks else 0.0
     power, even, once = sums[0, 0] * (1.0 + RIDGE) + _TINY, sinks * sums[0, 1], sums[1, 1] + RIDGE
@@ -160,13 +166,17 @@ def _linearise(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
 
 
 @lean_kernel
-def _read(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> None:
-    """Fill fit.left with the pattern before as a slide (x, y, angle) has moved it, and its slopes, inside and sums."""
+def _read(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
+    """Fill fit.left with the pattern before as a slide (x, y, angle) has moved it, and its slopes, inside and sums.
+
+    Returns the share of the readings, squared, on taxels that were over the pad.
+    """
     cos, sin = np.cos(state[2]), np.sin(state[2])
     (cx, cy), slopes, sums = (pair.centre[0], pair.centre[1]), fit.slopes, fit.sums
     for a in range(3):
         for b in range(5):
             sums[a, b] = 0.0
+    known, whole = 0.0, _TINY
     for k in range(len(pair.chosen)):
         i = pair.chosen[k]
         off_x, off_y = skin.places[i, 0] - state[0] - cx, skin.places[i, 1] - state[1] - cy
@@ -181,6 +191,7 @@ def _read(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> None:
         slopes[k, 2] = along_y * x - along_x * y
         one = 1.0 if value > pair.least else 0.0
         reading = pair.after[i] if fit.inside[k] else 0.0
+        known, whole = known + reading * reading, whole + pair.after[i] * pair.after[i]
         sums[0, 0] += value * value
         sums[0, 1] += value * one
         sums[1, 1] += one
@@ -189,6 +200,7 @@ def _read(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> None:
         for a in range(3):
             sums[0, 2 + a] += value * slopes[k, a]
             sums[1, 2 + a] += one * slopes[k, a]
+    return known / whole
 
 
 @lean_kernel

@@ -28,7 +28,7 @@ import numpy as np
 
 from taxelflow.messages import Floats
 from taxelflow.numerics.bins import BIN_S
-from taxelflow.numerics.rest_or_slide import SAME, compare, covers, shared
+from taxelflow.numerics.rest_or_slide import comparable, compare, covers
 from taxelflow.numerics.robust import CLEARLY
 from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.skins import prepare, skin_of
@@ -178,7 +178,7 @@ class ShiftingLoad:
             if claim.before is None:
                 claim.before = now
                 continue
-            if shared(claim.before.pressure, now.pressure) < SAME:
+            if not comparable(claim.before.pressure, now.pressure):
                 claim.since_s = claim.rested_s
             else:
                 self._compare(pad, claim, claim.before, now, seen.bin.noise)
