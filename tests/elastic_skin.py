@@ -19,7 +19,8 @@ _inside = (np.arange(_FINE) + 0.5) / _FINE - 0.5
 _points = PLACES[:, np.newaxis, np.newaxis] + np.stack(np.meshgrid(_inside, _inside), axis=-1)
 _FEET = ((-1.8, -1.2), (1.6, -1.5), (0.3, 2.0))
 _RADIUS = 1.5
-SENSOR = grid_sensor(_SIDE, _SIDE, pitch_m=(0.003, 0.003))
+PITCH_M = 0.003
+SENSOR = grid_sensor(_SIDE, _SIDE, pitch_m=(PITCH_M, PITCH_M))
 RATE_HZ = 50.0
 _FULL = 2e4
 

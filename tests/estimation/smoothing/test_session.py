@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -187,7 +189,12 @@ def test_a_smoothed_result_is_marked(stroke: Recording) -> None:
     assert NOTE not in bare.summary.notes
     assert result.summary.parameters["smooth"] == {"acceleration_m_s2": 0.1}
     assert len(result.slips) == len(bare.slips)
-    assert np.nanmean(result.slips.covariance[..., 0, 0]) < np.nanmean(bare.slips.covariance[..., 0, 0])
+
+
+def test_smoothing_leaves_less_noise(stroke: Recording) -> None:
+    exact = replace(stroke, sensor=msgspec.structs.replace(stroke.sensor, unseen_error=0.0))
+    bare, smoothed = (estimate(exact, "convolution", smooth=Smoothing(most)).slips for most in (0.0, 0.1))
+    assert np.nanmean(smoothed.covariance[..., 0, 0]) < np.nanmean(bare.covariance[..., 0, 0])
 
 
 def test_a_method_that_learns_is_smoothed_and_keeps_what_it_learned(stroke: Recording) -> None:

@@ -1,0 +1,89 @@
+"""Poses of objects whose load shifts: what the covariance holds while they rest, and when they slide."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import msgspec
+import numpy as np
+import pytest
+
+from elastic_skin import PITCH_M, RATE_HZ, SENSOR, on_skin
+from synthetic import assert_same, recorded
+from taxelflow.messages import AMBIGUOUS, OK
+from taxelflow.pipeline import api
+
+if TYPE_CHECKING:
+    from taxelflow.estimation.base import Mode
+    from taxelflow.messages import Floats, Slips
+
+both = pytest.mark.parametrize("mode", ["batch", "stream"])
+methods = pytest.mark.parametrize("method", ["convolution", "registration", "template"])
+T_S = np.arange(round(5.0 * RATE_HZ)) / RATE_HZ
+FIRST = round(RATE_HZ)
+"""Scan of the first contact."""
+AT_REST = np.zeros(len(T_S))
+ROCKED = 0.08 * np.sin(2 * np.pi * 0.7 * T_S)
+SLID = 2.4 * np.clip(T_S - 3.0, 0.0, 0.8) / 0.8 - 1.2
+"""By 2.4 pitches."""
+
+
+def errors(slips: Slips, slid: Floats) -> tuple[Floats, Floats]:
+    """(n, 2), errors of `ok` poses beside the first ones, m, and their standard deviations.
+
+    slid: (scans,), pitches along x in contact.
+    """
+    true = np.zeros((len(slips), 2))
+    true[FIRST : FIRST + len(slid), 0] = PITCH_M * slid
+    error = slips.pose[:, 0, :2] - true
+    ok = (slips.quality[:, 0] == OK) & np.isfinite(error[:, 0])
+    error -= error[ok][:5].mean(axis=0)
+    return error[ok], np.sqrt(np.diagonal(slips.covariance[ok, 0, :2, :2], axis1=1, axis2=2))
+
+
+@both
+@methods
+def test_an_object_that_is_rocked_at_rest_has_no_ok_pose_elsewhere(method: str, mode: Mode) -> None:
+    slips = api.estimate(on_skin(AT_REST, ROCKED), method, mode=mode).slips
+    error, deviation = errors(slips, AT_REST)
+    assert len(error) > 30
+    assert np.mean(np.abs(error) > 3.0 * deviation + 3e-4) < 0.02
+
+
+def test_it_would_have_without_the_hypothesis_of_rest() -> None:
+    exact = replace(on_skin(AT_REST, ROCKED), sensor=msgspec.structs.replace(SENSOR, unseen_error=0.0))
+    error, deviation = errors(api.estimate(exact, "registration", mode="stream").slips, AT_REST)
+    assert np.mean(np.abs(error) > 3.0 * deviation + 3e-4) > 0.1
+
+
+@both
+def test_an_object_that_slides_and_stays_is_ok_there(mode: Mode) -> None:
+    slips = api.estimate(on_skin(SLID, AT_REST), "convolution", mode=mode).slips
+    error, deviation = errors(slips, SLID)
+    assert (slips.quality[FIRST + 230 : FIRST + 245, 0] == OK).all()
+    assert np.mean(np.abs(error) > 3.0 * deviation + 3e-4) < 0.02
+
+
+def test_a_batch_knows_that_a_slide_was_one_from_its_beginning() -> None:
+    slides, begins = on_skin(SLID, AT_REST), slice(FIRST + 150, FIRST + 170)
+    batch, stream = (api.estimate(slides, "convolution", mode=mode).slips for mode in ("batch", "stream"))
+    assert (batch.covariance[begins, 0, 0, 0] < stream.covariance[begins, 0, 0, 0]).any()
+    assert batch.covariance[begins, 0, 0, 0].max() < (0.25 * PITCH_M) ** 2
+
+
+@both
+def test_results_do_not_depend_on_blocks(mode: Mode) -> None:
+    whole = on_skin(SLID, ROCKED)
+    values = np.concatenate([scans.values for scans in whole.blocks()])
+    parts = recorded(values, SENSOR, np.arange(len(values)) / RATE_HZ, block=7)
+    assert_same(*(api.estimate(each, "registration", mode=mode).slips for each in (parts, whole)))
+
+
+@both
+def test_the_covariance_of_a_rocked_object_holds_its_distance_from_its_reference(mode: Mode) -> None:
+    slips = api.estimate(on_skin(AT_REST, ROCKED), "registration", mode=mode).slips
+    doubted = slips.quality[:, 0] == AMBIGUOUS
+    away = np.abs(slips.pose[:, 0, 0] - slips.pose[slips.quality[:, 0] == OK][0, 0, 0])
+    assert doubted.any()
+    assert np.sqrt(slips.covariance[doubted, 0, 0, 0]).max() > 0.5 * away[doubted].max()
