@@ -59,7 +59,7 @@ def test_it_would_have_without_the_hypothesis_of_rest() -> None:
 
 @both
 def test_an_object_that_slides_and_stays_is_ok_there(mode: Mode) -> None:
-    slips = api.estimate(on_skin(SLID, AT_REST), "convolution", mode=mode).slips
+    slips = api.estimate(on_skin(SLID, AT_REST), "template", mode=mode).slips
     error, deviation = errors(slips, SLID)
     assert (slips.quality[FIRST + 230 : FIRST + 245, 0] == OK).all()
     assert np.mean(np.abs(error) > 3.0 * deviation + 3e-4) < 0.02
