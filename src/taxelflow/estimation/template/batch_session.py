@@ -18,7 +18,6 @@ from taxelflow.estimation.template.map_doubt import of_map
 from taxelflow.estimation.template.map_export import Maps, as_map
 from taxelflow.estimation.template.observations import Scanned, delays_of
 from taxelflow.estimation.template.pose_output import Poses, aligned, poses_of
-from taxelflow.estimation.template.redistributed import apart_from_rest
 from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.estimation.template.warmup import compile_batch
 from taxelflow.messages import AMBIGUOUS, OK, Bools, Estimates, Scans, cut, joined, no_scans
@@ -221,9 +220,8 @@ class BatchSession:
             edge: Bools = np.asarray(layout.border[layout.of_pad(pad)].any(axis=1), dtype=np.bool_)
             as_read = replace(scanned, readings=readings)
             poses = witnessed(poses, as_read, edge, pitch_m, unseen_error, solved if of_one_map else None)
-        if unseen_error and of_one_map:  # the centre of pressure follows a load that shifts: it is no witness of rest
+        if unseen_error and of_one_map:
             poses = poses.open_along(solved.hidden, scanned, pitch_m)
-            poses = poses.doubted(apart_from_rest(scanned, solved), pitch_m)
         return poses, moment
 
     def _scanned(self, pad: int, scans: Scans, contact: _Open) -> Scanned:
