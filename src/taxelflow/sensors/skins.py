@@ -13,8 +13,8 @@ from taxelflow.numerics.slid import Skin
 if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
-_MOST = 64
-"""Skins that are kept: those of a hand, which several stages read."""
+_MOST = 256
+"""Skins that are kept: those of a robot, which several stages read."""
 
 
 def skin_of(layout: Layout, pad: int) -> Skin:
