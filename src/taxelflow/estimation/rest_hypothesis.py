@@ -6,7 +6,8 @@ until the pattern contradicts: until a slide explains its change since then at l
 `rest_or_slide`. Patterns are compared from bin to bin. Where less than half of the load is still on taxels that were
 loaded at the reference, the object has come that far.
 
-An object that has moved, and then stays, has a new reference. A batch knows how an excursion from the reference goes
+An object that has moved, and then stays, has a new reference; so has one that has moved so far that
+much of what is over the pad now was not before. A batch knows how an excursion from the reference goes
 on: if a slide explains it within 2 s, it was one from its beginning.
 """
 
@@ -36,6 +37,8 @@ AHEAD_S = 2.0
 """Time from which a batch learns how an excursion goes on; slips are judged as far ahead."""
 _NEAR = 0.1
 """Pitches from its reference up to which an object rests: so small a shift contradicts nothing."""
+_KNOWN = 0.75
+"""Share of the taxels that must have been over the pad at the reference; half of it is too little for a slide."""
 _STAYS_S = 0.4
 """Time for which an object that has moved stays within a quarter of a pitch until it rests."""
 
@@ -74,7 +77,7 @@ class RestHypothesis:
         self._stays: dict[int, tuple[Floats, float]] = {}  # where an object stays, and since when
         self._known = np.zeros(pads, dtype=np.bool_)
         self._origin_m = np.full((pads, 2), np.nan)
-        self._moved = np.zeros(pads, dtype=np.bool_)
+        self._moved, self._far = np.zeros((2, pads), dtype=np.bool_)
         self._excursion = np.zeros(pads, dtype=np.int64)
         self._rows: list[_Rows] = []
         none = np.zeros((0, pads, 2))
@@ -117,7 +120,7 @@ class RestHypothesis:
         for pad in np.flatnonzero(self._known & ~known).tolist():
             self._references.pop(pad, None)
             self._stays.pop(pad, None)
-            self._origin_m[pad], self._moved[pad] = np.nan, False
+            self._origin_m[pad], self._moved[pad], self._far[pad] = np.nan, False, False
         self._excursion += known != self._known
         self._known = known.copy()
 
@@ -133,14 +136,17 @@ class RestHypothesis:
             before = self._references.get(pad)
             if before is not None:
                 self._moved[pad] = self._has_moved(pad, before, now, float(np.median(seen.noise[own])))
-            if before is None or (self._moved[pad] and seen.until_s - since_s > _STAYS_S):
-                self._references[pad], self._moved[pad] = now, False
-                self._origin_m[pad] = pose[pad, :2]
+            rests = self._moved[pad] and seen.until_s - since_s > _STAYS_S
+            if before is None or rests:
+                self._moved[pad] = False
                 self._excursion[pad] += 1
+            if before is None or rests or self._far[pad]:
+                self._references[pad], self._origin_m[pad] = now, pose[pad, :2]
 
     def _has_moved(self, pad: int, before: _Reference, now: _Reference, noise: float) -> bool:
         """Whether a slide explains a pattern at least as well as rest. noise: standard deviation of a reading."""
         away = now.place - before.place
+        self._far[pad] = False
         if not comparable(before.pressure, now.pressure):
             return True
         if np.hypot(*away[:2]) < _NEAR:
@@ -148,7 +154,9 @@ class RestHypothesis:
             return False
         noise *= np.sqrt(1.0 / before.scans + 1.0 / now.scans)
         left = compare(skin_of(self._layout, pad), before.pressure, now.pressure, noise, away, sinks=True)
-        return left.moves(away[:2])
+        moves = left.moves(away[:2])
+        self._far[pad] = moves and left.known < _KNOWN
+        return moves
 
 
 def _in_time(rows: _Rows, ahead_s: float) -> Bools:

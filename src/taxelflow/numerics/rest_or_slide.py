@@ -30,7 +30,7 @@ _MOST_TAXELS = 100
 class Unexplained(NamedTuple):
     """Squares that are left of a pattern: if its object slides; if it rests, on the taxels that were over the pad
     before, and on all of them. x, y: where the slide goes, in pitches. free_slide, free_rest: degrees of freedom of the
-    slide, and of rest on all taxels, which fits those in contact.
+    slide, and of rest on all taxels, which fits those in contact. known: share of the taxels that were over the pad.
     """
 
     slide: float
@@ -40,6 +40,7 @@ class Unexplained(NamedTuple):
     y: float = 0.0
     free_slide: float = 1.0
     free_rest: float = 1.0
+    known: float = 1.0
 
     def moves(self, way: Floats) -> bool:
         """Whether a slide leaves no more than rest a degree of freedom, and goes at least half of a way (2,), pitches.
@@ -70,7 +71,7 @@ def compare(skin: Skin, before: Floats, after: Floats, noise: float, moved: Floa
 @kernel
 def _compare(
     skin: Skin, pair: Pair, before: Floats, moved: Floats
-) -> tuple[float, float, float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, float, float, float]:
     """`compare`, on the chosen taxels."""
     find_centre(skin.places, before, pair.centre)
     best, x, y, inside = np.inf, 0.0, 0.0, np.ones(len(pair.chosen), np.bool_)
@@ -84,7 +85,8 @@ def _compare(
             best, x, y, inside = left, state[0], state[1], fit.inside
     rest, _ = squares_at_rest(skin.places, before, pair.after, pair.chosen[inside], pair.least)
     rest_of_all, free = squares_at_rest(skin.places, before, pair.after, pair.chosen, pair.least)
-    return best, rest, rest_of_all, x, y, freedom(np.count_nonzero(inside), UNKNOWNS + pair.sinks), free
+    known = np.count_nonzero(inside)
+    return best, rest, rest_of_all, x, y, freedom(known, UNKNOWNS + pair.sinks), free, known / len(inside)
 
 
 def covers(before: Floats, after: Floats) -> bool:
