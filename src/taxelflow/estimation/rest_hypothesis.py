@@ -3,12 +3,13 @@
 Every pose follows the load. A hand that swings, pulls or tilts an object shifts the load, and the object stays. So on a
 sensor with an `unseen_error` the distance from where the object rested last, its reference, is a part of the covariance
 until the pattern contradicts: until a slide explains its change since then at least as well as rest does, see
-`rest_or_slide`. Patterns are compared from bin to bin. Where less than half of the load is still on taxels that were
-loaded at the reference, the object has come that far.
+`rest_or_slide`. Patterns are compared from bin to bin, those of several pads one after the other, in scans of the next
+bin. Where less than half of the load is still on taxels that were loaded at the reference, the object has come that
+far.
 
-An object that has moved, and then stays, has a new reference; so has one that has moved so far that
-much of what is over the pad now was not before. A batch knows how an excursion from the reference goes
-on: if a slide explains it within 2 s, it was one from its beginning.
+An object that has moved, and then stays, has a new reference; so has one that has moved so far that much of what is
+over the pad now was not before. A batch knows how an excursion from the reference goes on: if a slide explains it
+within 2 s, it was one from its beginning.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.messages import AMBIGUOUS, OK, Bools, Bytes, Floats
+from taxelflow.messages import AMBIGUOUS, OK, Bools, Bytes, Floats, joined
+from taxelflow.numerics.bins import AHEAD_S
 from taxelflow.numerics.rest_or_slide import comparable, compare
 from taxelflow.numerics.rounding import BLURRED
 from taxelflow.numerics.small_linalg import eigenvalues2
@@ -33,8 +35,6 @@ if TYPE_CHECKING:
     from taxelflow.numerics.bins import Bin
     from taxelflow.sensors.layout import Layout
 
-AHEAD_S = 2.0
-"""Time from which a batch learns how an excursion goes on; slips are judged as far ahead."""
 _NEAR = 0.1
 """Pitches from its reference up to which an object rests: so small a shift contradicts nothing."""
 _KNOWN = 0.75
@@ -63,6 +63,10 @@ class _Rows:
     moved: Bools
     excursion: NDArray[np.int64]
 
+    def after(self, count: int) -> _Rows:
+        """Without the first scans, this many."""
+        return _Rows(self.t_s[count:], self.origin_m[count:], self.moved[count:], self.excursion[count:])
+
 
 class RestHypothesis:
     """Follows all pads. `see` gets bins of scans, `step` their poses, `doubted` the oldest of these once more."""
@@ -73,6 +77,8 @@ class RestHypothesis:
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         pads = len(layout.pads)
         self._coming: deque[Bin] = deque()
+        self._due: deque[tuple[int, Bin, Floats]] = deque()  # pads to compare, the bin, and the pose at its end
+        self._at_once = 0  # so many in a scan, that all are done within a bin
         self._references: dict[int, _Reference] = {}
         self._stays: dict[int, tuple[Floats, float]] = {}  # where an object stays, and since when
         self._known = np.zeros(pads, dtype=np.bool_)
@@ -81,7 +87,14 @@ class RestHypothesis:
         self._excursion = np.zeros(pads, dtype=np.int64)
         self._rows: list[_Rows] = []
         none = np.zeros((0, pads, 2))
-        _widen(none, none, np.zeros((0, pads), np.bool_), self._pitch_m, np.zeros((0, pads, 3, 3)), _no_bytes(pads))
+        _widen(
+            none,
+            none,
+            np.zeros((0, pads), np.bool_),
+            self._pitch_m,
+            np.zeros((0, pads, 3, 3)),
+            np.zeros((0, pads), np.uint8),
+        )
 
     def see(self, bins: list[Bin]) -> None:
         """Bins that scans have completed, whose poses follow."""
@@ -99,7 +112,9 @@ class RestHypothesis:
             if known[scan].tobytes() != self._known.tobytes():
                 self._end(known[scan])
             while self._coming and self._coming[0].until_s <= t_s:
-                self._compare(self._coming.popleft(), slips.pose[scan])
+                self._queue(self._coming.popleft(), slips.pose[scan])
+            for _ in range(min(self._at_once, len(self._due))):
+                self._compare(*self._due.popleft())
             origin_m[scan], moved[scan], excursion[scan] = self._origin_m, self._moved, self._excursion
         self._rows.append(_Rows(slips.t_s, origin_m, moved, excursion))
 
@@ -108,8 +123,8 @@ class RestHypothesis:
         count = len(slips)
         if not self._doubts or not count:
             return slips
-        rows = self._rows[0] if len(self._rows) == 1 else _joined(self._rows)
-        self._rows = [_cut(rows, count, len(rows.t_s))] if len(rows.t_s) > count else []
+        rows = joined(self._rows)
+        self._rows = [rows.after(count)] if len(rows.t_s) > count else []
         moved = _in_time(rows, self._ahead_s)[:count] if self._ahead_s else rows.moved
         covariance, quality = slips.covariance.copy(), slips.quality.copy()
         _widen(slips.pose[..., :2], rows.origin_m[:count], moved, self._pitch_m, covariance, quality)
@@ -121,27 +136,33 @@ class RestHypothesis:
             self._references.pop(pad, None)
             self._stays.pop(pad, None)
             self._origin_m[pad], self._moved[pad], self._far[pad] = np.nan, False, False
+        self._due = deque(each for each in self._due if known[each[0]])
         self._excursion += known != self._known
         self._known = known.copy()
 
-    def _compare(self, seen: Bin, pose: Floats) -> None:
-        """Which objects rest, at the end of a bin? pose: (pads, 3)."""
-        for pad in np.flatnonzero(seen.touching & seen.whole & self._known).tolist():
-            place, own = pose[pad] / (self._pitch_m[pad], self._pitch_m[pad], 1.0), self._layout.of_pad(pad)
-            now = _Reference(seen.pressure[own] / seen.scans, seen.scans, np.nan_to_num(place))
-            stays_at, since_s = self._stays.get(pad, (now.place, seen.until_s))
-            if np.hypot(*(now.place - stays_at)[:2]) > BLURRED:
-                stays_at, since_s = now.place, seen.until_s
-            self._stays[pad] = stays_at, since_s
-            before = self._references.get(pad)
-            if before is not None:
-                self._moved[pad] = self._has_moved(pad, before, now, float(np.median(seen.noise[own])))
-            rests = self._moved[pad] and seen.until_s - since_s > _STAYS_S
-            if before is None or rests:
-                self._moved[pad] = False
-                self._excursion[pad] += 1
-            if before is None or rests or self._far[pad]:
-                self._references[pad], self._origin_m[pad] = now, pose[pad, :2]
+    def _queue(self, seen: Bin, pose: Floats) -> None:
+        """Compare the patterns of a bin, pad by pad in the scans of the next one. pose: (pads, 3), at its end."""
+        pads = np.flatnonzero(seen.touching & seen.whole & self._known).tolist()
+        self._due += ((pad, seen, pose[pad].copy()) for pad in pads)
+        self._at_once = -(-len(self._due) // seen.scans)
+
+    def _compare(self, pad: int, seen: Bin, pose: Floats) -> None:
+        """Does the object rest, at the end of a bin? pose: (3,)."""
+        place, own = pose / (self._pitch_m[pad], self._pitch_m[pad], 1.0), self._layout.of_pad(pad)
+        now = _Reference(seen.pressure[own] / seen.scans, seen.scans, np.nan_to_num(place))
+        stays_at, since_s = self._stays.get(pad, (now.place, seen.until_s))
+        if np.hypot(*(now.place - stays_at)[:2]) > BLURRED:
+            stays_at, since_s = now.place, seen.until_s
+        self._stays[pad] = stays_at, since_s
+        before = self._references.get(pad)
+        if before is not None:
+            self._moved[pad] = self._has_moved(pad, before, now, float(np.median(seen.noise[own])))
+        rests = self._moved[pad] and seen.until_s - since_s > _STAYS_S
+        if before is None or rests:
+            self._moved[pad] = False
+            self._excursion[pad] += 1
+        if before is None or rests or self._far[pad]:
+            self._references[pad], self._origin_m[pad] = now, pose[:2]
 
     def _has_moved(self, pad: int, before: _Reference, now: _Reference, noise: float) -> bool:
         """Whether a slide explains a pattern at least as well as rest. noise: standard deviation of a reading."""
@@ -169,23 +190,6 @@ def _in_time(rows: _Rows, ahead_s: float) -> Bools:
         next_s = np.where(rows.moved[scan], rows.t_s[scan], next_s)
         moved[scan] |= next_s <= rows.t_s[scan] + ahead_s
     return moved
-
-
-def _joined(rows: list[_Rows]) -> _Rows:
-    return _Rows(
-        np.concatenate([one.t_s for one in rows]),
-        np.concatenate([one.origin_m for one in rows]),
-        np.concatenate([one.moved for one in rows]),
-        np.concatenate([one.excursion for one in rows]),
-    )
-
-
-def _cut(rows: _Rows, first: int, last: int) -> _Rows:
-    return _Rows(rows.t_s[first:last], rows.origin_m[first:last], rows.moved[first:last], rows.excursion[first:last])
-
-
-def _no_bytes(pads: int) -> Bytes:
-    return np.zeros((0, pads), dtype=np.uint8)
 
 
 @kernel

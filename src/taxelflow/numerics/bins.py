@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 
 BIN_S = 0.1
 """Duration of a bin. The slowest of the soft skins scan ten times a second."""
+AHEAD_BINS = 20
+"""Bins that a recording knows beyond what it judges: three slips long."""
+AHEAD_S = AHEAD_BINS * BIN_S
 _LONGEST_S = 0.25
 """A longer time between two scans is a gap. Sensors that scan that slowly complete no bins."""
 

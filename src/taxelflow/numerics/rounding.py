@@ -5,7 +5,7 @@ ROUNDING = 1e-9
 LEAST_VARIANCE_M2 = 1e-18
 """Added to the variance of a place, which may be 0: a nanometre, squared."""
 NEGLIGIBLE = 1e-12
-"""Relative size of what only rounding tells from 0: added to what may be 0, such as a matrix without an inverse."""
+"""Relative size of what rounding makes of 0: added to what may be 0, such as a singular matrix."""
 SIGNIFICANT = 3.0
 """Standard deviations beyond which noise does not explain a difference."""
 CERTAIN = 6.0

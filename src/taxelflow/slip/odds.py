@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import joined
-from taxelflow.numerics.bins import BIN_S
+from taxelflow.numerics.bins import AHEAD_BINS, BIN_S
 from taxelflow.slip.evidence import (
     AT_REST,
     REST_CHANGE,
@@ -41,10 +41,6 @@ _SOON_BINS = BEFORE_BINS + 1 + AFTER_BINS
 """Bins within which the pattern of a slip that begins has changed."""
 _LONGER_REST = REST_CHANGE * np.array([((between + 2) / 3) ** REST_EXPONENT for between in BASELINE_BINS])
 """(baselines,), unexplained change at rest over longer baselines; `REST_CHANGE` has one bin between its patterns."""
-_CHUNK_BINS = 20
-"""A recording's odds are computed for this many bins at a time, from as many after them: three slips long."""
-OFFLINE_AHEAD_S = _CHUNK_BINS * BIN_S
-"""Time by which poses and patterns are known beyond the odds of a recording."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,9 +165,9 @@ class OfflineOdds:
         self._bins += [one for _, one in self._forward.step(slipping, slips, changes)]
         self._t = np.concatenate([self._t, changes.t_s])
         parts = [self._chunk([], 0, -np.inf)]
-        while len(self._bins) >= 2 * _CHUNK_BINS:
-            parts.append(self._chunk(self._bins[: 2 * _CHUNK_BINS], _CHUNK_BINS, self._bins[_CHUNK_BINS].since_s))
-            self._bins = self._bins[_CHUNK_BINS:]
+        while len(self._bins) >= 2 * AHEAD_BINS:
+            parts.append(self._chunk(self._bins[: 2 * AHEAD_BINS], AHEAD_BINS, self._bins[AHEAD_BINS].since_s))
+            self._bins = self._bins[AHEAD_BINS:]
         return joined(parts)
 
     def finish(self) -> Odds:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from taxelflow.messages import Bools, Event, Floats, cut, joined
+from taxelflow.numerics.bins import AHEAD_S
 from taxelflow.slip.cut_contact import BorderLoss
 from taxelflow.slip.measurement import parameter_records
-from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, OFFLINE_AHEAD_S, LiveOdds, Odds, OfflineOdds
+from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
 from taxelflow.slip.offline import OfflineSlipSession
 from taxelflow.slip.pad_agreement import PadAgreement
 from taxelflow.slip.pattern_change import BASELINE_BINS, PatternChanges, PatternWatch
@@ -70,7 +71,7 @@ class SlipStage:
         self._odds = (LiveOdds if stream else OfflineOdds)(layout.pitch_m)
         self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)
         self._verdict = Verdict(layout, stream=stream, judged=judged)
-        self._shifts, self._ahead_s = ShiftingLoad(layout), 0.0 if stream else OFFLINE_AHEAD_S
+        self._shifts, self._ahead_s = ShiftingLoad(layout), 0.0 if stream else AHEAD_S
         if stream:
             self._shifts.prepare()
         self._since_s: list[Floats] = []  # when patterns consent, of scans that are not judged yet
