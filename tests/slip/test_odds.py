@@ -44,7 +44,8 @@ def odds_of(watch: LiveOdds | OfflineOdds, changes: PatternChanges, size: int, q
     parts = []
     for start in range(0, len(changes), size):
         own = PatternChanges(*(getattr(changes, field.name)[start : start + size] for field in fields(changes)))
-        parts.append(watch.step(np.zeros_like(own.touching), at_rest(own, quality), own))
+        none = np.zeros_like(own.touching)
+        parts.append(watch.step(none, at_rest(own, quality), own, none))
     parts.append(watch.finish())
     return Odds(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Odds)))
 

@@ -10,10 +10,10 @@ from taxelflow.slip.restless import RestlessPads
 WINDOW = 5
 
 
-def watched(slipped: list[bool], stirred: list[float], ratio: float = -5.0) -> bool:
+def watched(slipped: list[bool], stirred: list[float], ratio: float = -5.0, *, rests: bool = True) -> bool:
     pads = RestlessPads(1, WINDOW)
     for slips, one in zip(slipped, stirred, strict=True):
-        pads.update(np.array([slips]), changed(stirred=one), 0, np.array([ratio]))
+        pads.update(np.array([slips]), changed(stirred=one), 0, np.array([ratio]), np.array([rests]))
     return bool(pads.restless[0])
 
 
@@ -28,7 +28,7 @@ def learned(slipped: bool, growth: float = 0.6) -> float:
     pads = RestlessPads(1, WINDOW)
     for _ in range(40):
         one = changed(unexplained=(0.3 * growth) ** 2, rise=0.3)
-        pads.update(np.array([slipped]), one, 0, np.zeros(1))
+        pads.update(np.array([slipped]), one, 0, np.zeros(1), np.array([False]))
     return float(pads.growth[0])
 
 
@@ -58,6 +58,10 @@ def test_a_slip_that_never_ends_is_in_doubt_where_load_and_tilt_explain_it() -> 
     assert watched([True] * 100, [1.0] * 100)
     assert not watched([True] * 100, [1.0] * 100, ratio=5.0)
     assert not watched([True] * 45, [1.0] * 45)
+
+
+def test_a_long_slip_that_rest_does_not_explain_is_no_rest() -> None:
+    assert not watched([True] * 100, [1.0] * 100, rests=False)
 
 
 def test_it_forgets() -> None:

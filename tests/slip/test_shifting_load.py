@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from elastic_skin import RATE_HZ, SENSOR, on_skin
+from elastic_skin import PLACES, RATE_HZ, SENSOR, on_skin
 from synthetic import recorded
 from taxelflow.pipeline import api
 from taxelflow.slip.shifting_load import ahead
@@ -59,6 +59,23 @@ def test_the_pose_decides_where_the_contact_was_still(mode: Mode) -> None:
     assert len(found) == 1
     assert abs(found[0].onset_s - ONSET_S) < 0.05
     assert found[0].t_s - ONSET_S < (0.25 if mode == "stream" else 0.05)
+
+
+@both
+def test_a_smooth_object_that_slides_slowly_is_never_silent(mode: Mode) -> None:
+    """A paraboloid, whose slide and tilt look the same, at 0.9 mm/s for 6 s: a quarter of a pitch takes 0.8 s."""
+    t_s = np.arange(round(9.0 * RATE_HZ)) / RATE_HZ
+    slid = 0.3 * np.clip(t_s - 2.0, 0.0, 6.0)
+    off = np.hypot(PLACES[:, 0] + 0.9 - slid[:, np.newaxis], PLACES[:, 1])
+    touched = 2e4 * np.maximum(1.0 - (off / 3.0) ** 2, 0.0)
+    values = np.concatenate([np.zeros((round(RATE_HZ), len(PLACES))), touched])
+    values += np.random.default_rng(0).normal(0.0, 100.0, values.shape)
+    found = api.estimate(recorded(values, SENSOR, np.arange(len(values)) / RATE_HZ), method="convolution", mode=mode)
+    known_s, reported = found["pad0"].t_s, found["pad0"].slipping.copy()
+    for event in found.events:
+        last = event.event in ("slip_suspected", "slip_stop")
+        reported |= last & (known_s >= event.t_s) & (known_s < event.t_s + 1.25)
+    assert reported[(known_s > 3.5) & (known_s < 8.5)].all()
 
 
 def test_a_sensor_without_unseen_error_is_believed() -> None:

@@ -64,6 +64,22 @@ def test_a_slip_that_its_pattern_speaks_against_is_suspected_unless_the_pose_is_
     assert [event.event for event in events] == ["slip_start", "slip_stop"]
 
 
+def test_a_suspected_slip_is_reported_again_while_its_pose_moves_on() -> None:
+    _, events = of_palm([AMBIGUOUS] * SCANS, [-9.0] * SCANS, step_m=0.0006)  # a quarter of a pitch in two scans
+    assert [(event.event, event.t_s, event.onset_s) for event in events] == [
+        ("slip_suspected", 0.02, 0.02),
+        ("slip_suspected", 0.04, 0.02),
+    ]
+
+
+def test_what_is_left_of_a_slip_that_the_odds_have_ended_is_suspected() -> None:
+    odds = [9.0, 9.0, 9.0, -9.0, -9.0, -9.0]
+    slipping, events = of_palm([OK] * SCANS, odds, step_m=0.0011, restless=True)
+    assert slipping.tolist() == [True, True, True, False, False, False]
+    last = [(event.event, event.t_s, event.onset_s) for event in events[-2:]]
+    assert last == [("slip_stop", 0.03, 0.03), ("slip_suspected", 0.04, 0.03)]
+
+
 def test_it_begins_when_the_pattern_no_longer_does_and_is_dated_by_its_pose() -> None:
     slipping, events = of_palm([AMBIGUOUS] * SCANS, [-9.0, -9.0, -9.0, AGAINST + 0.1, -9.0, -9.0])
     assert slipping.tolist() == [False, False, False, True, True, False]
@@ -108,10 +124,12 @@ def of_palm(
     stream: bool = False,
     border: bool = False,
     ago_s: float = 0.0,
+    step_m: float = 0.0,
+    restless: bool = False,
 ) -> tuple[np.ndarray, list[Event]]:
     """Verdict on the palm, whose pose slips in scans 2 to 4: (scans,), and events. quality, log_odds: per scan.
 
-    ago_s: time from the onset to the scan in which the pose's detector finds the slip.
+    ago_s: time from the onset to the scan in which the pose's detector finds the slip. step_m: displacement of a scan.
     """
     layout = HAND.layout
     pads = len(layout.pads)
@@ -120,8 +138,9 @@ def of_palm(
     events = [Event(0.02, "palm", "slip_start", 0.02 - ago_s), Event(0.05, "palm", "slip_stop", 0.05)]
     slips = touching(pads, OK)
     slips.quality[:, 0], slips.border[:, 0, 0] = quality, border
+    slips.displacement[:, 0, 0] = step_m
     each = np.tile(np.array(log_odds)[:, np.newaxis], (1, pads))
-    odds = Odds(each, each, np.zeros((SCANS, pads), dtype=bool))
+    odds = Odds(each, each, np.full((SCANS, pads), restless))
     final, found = Verdict(layout, stream=stream).step(
         slips, Posed(slipping, events, np.zeros_like(slipping), np.full(slipping.shape, -np.inf)), odds
     )

@@ -18,6 +18,7 @@ import numpy as np
 
 from taxelflow.messages import Floats
 from taxelflow.numerics.centroid import SKIRT_SHARE
+from taxelflow.numerics.robust import CLEARLY
 from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.slid import SAME, UNKNOWNS, Pair, Skin, room_for, slide
 from taxelflow.numerics.sunk_and_tilted import find_centre, freedom, squares_at_rest
@@ -49,6 +50,11 @@ class Unexplained(NamedTuple):
         """
         goes = self.x * way[0] + self.y * way[1] >= 0.5 * (way[0] ** 2 + way[1] ** 2)
         return bool(goes and self.slide / self.free_slide <= self.rest_of_all / self.free_rest)
+
+    def rests(self) -> bool:
+        """Whether rest leaves clearly less than a slide a degree of freedom; never where it fits all readings."""
+        left = self.rest_of_all / self.free_rest
+        return self.free_rest >= 1.0 and CLEARLY**2 * left <= self.slide / self.free_slide
 
 
 def compare(skin: Skin, before: Floats, after: Floats, noise: float, moved: Floats, *, sinks: bool) -> Unexplained:

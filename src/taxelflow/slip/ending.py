@@ -1,8 +1,10 @@
 """End of a slip: the posterior odds that the object has stopped against that it still slips.
 
 Slipping is a Kalman filter of position and velocity. Hypothesis j is that the object stopped after scan j: its position
-is constant since. A stop occurs at a constant rate, about one over the duration of a slip. With L_j the likelihood
-ratio of hypothesis j to slipping, the odds are sum over j of rate (t_j+1 - t_j) L_j (Shiryaev). A late report of a stop
+is constant since. With L_j the likelihood ratio of hypothesis j to slipping, the odds are the sum over j of
+rate_j (t_j+1 - t_j) L_j (Shiryaev). The rate of a stop is that of the object, and unknown. With a gamma prior of shape
+n and mean n / T_0 it is n / (T_0 + T) after a slip that has lasted T: one that has lasted is likely to go on. With a
+constant rate a slow slip, whose poses exclude a stop only after seconds, ended by prior alone. A late report of a stop
 costs a scan or two; an early one can be withdrawn until the odds are clear.
 """
 
@@ -27,8 +29,8 @@ from taxelflow.slip.hypotheses import merge_closest
 from taxelflow.slip.measurement import Measurement
 from taxelflow.slip.onset import MAX_EXPONENT, SlipEstimate
 
-_STOP_RATE_HZ = 3.0
-"""Prior rate of a stop: a slip lasts a third of a second."""
+_PRIOR_STOPS, _PRIOR_S = 3.0, 1.0
+"""n and T_0 of the rate of a stop: a slip lasts a third of a second."""
 _VELOCITY_WALK = 0.002
 """Random walk of the velocity of a slip, m/s per root s."""
 _PATH_ERROR = 0.1
@@ -47,7 +49,7 @@ class Stop:
     start_s: float
     """Time of that scan."""
     weight: float
-    """Prior probability; of merged hypotheses the sum."""
+    """Time that it stands for, s; of merged hypotheses the sum."""
     log_ratio: float
     """log L."""
     position: Vector
@@ -127,7 +129,7 @@ def start_stopped(
         slide.velocity[axis] = way[axis] / (end_s - start_s)
     slide.q_pp, slide.q_pv, slide.q_vv = variance, 0.0, 0.0
     stop: Stop = slide.stops[0]
-    stop.start_s, stop.weight, stop.log_ratio = end_s - 0.5 * dt_s, _STOP_RATE_HZ * dt_s, 0.0
+    stop.start_s, stop.weight, stop.log_ratio = end_s - 0.5 * dt_s, dt_s, 0.0
     stop.variance = variance
     for axis in range(3):
         stop.position[axis] = y[axis]
@@ -150,11 +152,12 @@ def stop_odds(measurement: Measurement, creep_m_s: float, slide: SlideState) -> 
     for j in range(slide.count):
         each: Stop = slide.stops[j]
         _update_stop(measurement, own, axes, slipping, each, slide)
-        share = each.weight * exp(min(each.log_ratio, MAX_EXPONENT))
+        rate_hz = _PRIOR_STOPS / (_PRIOR_S + max(each.start_s - slide.start_s, 0.0))
+        share = rate_hz * each.weight * exp(min(each.log_ratio, MAX_EXPONENT))
         odds += share
         if share > most:
             most = share
-            _estimate_stop(each.start_s + 0.5 * each.weight / _STOP_RATE_HZ, each.variance, each.position, stop)
+            _estimate_stop(each.start_s + 0.5 * each.weight, each.variance, each.position, stop)
     turn_m = slide.velocity[2] * np.sqrt(own / noise.variance[2]) if yaw_used else 0.0
     speed = np.sqrt(slide.velocity[0] ** 2 + slide.velocity[1] ** 2 + turn_m**2) + np.sqrt(slide.q_vv)
     return odds if speed > _MIN_SPEED_CREEPS * creep_m_s else np.inf
@@ -213,7 +216,7 @@ def _start_stop(t_s: float, previous_s: float, slide: SlideState) -> None:
         merge_closest(t_s, slide.count, _RECENT_STOPS, slide.stops)
         slide.count -= 1
     stop: Stop = slide.stops[slide.count]
-    stop.start_s, stop.weight, stop.log_ratio = previous_s, _STOP_RATE_HZ * dt, 0.0
+    stop.start_s, stop.weight, stop.log_ratio = previous_s, dt, 0.0
     way = dt * np.hypot(slide.velocity[0], slide.velocity[1])
     stop.variance = slide.q_pp + way * way / 12.0
     for axis in range(3):

@@ -82,8 +82,11 @@ class _Forward:
         untouched = np.zeros(pads, dtype=np.bool_)
         self.last = _Bin(-np.inf, nothing, untouched, np.zeros(pads), untouched, np.full((pads, longer), np.nan))
 
-    def step(self, slipping: Bools, slips: Slips, changes: PatternChanges) -> list[tuple[int, _Bin]]:
-        """Bins that are judged in these scans, each with the scan. slipping: (scans, pads), by the pose."""
+    def step(self, slipping: Bools, slips: Slips, changes: PatternChanges, rested: Bools) -> list[tuple[int, _Bin]]:
+        """Bins that are judged in these scans, each with the scan.
+
+        slipping: (scans, pads), by the pose. rested: (scans, pads), `rests` of `Consent`.
+        """
         found, start = [], 0
         for scan, since_s in enumerate(changes.centre_s.tolist()):
             if isnan(since_s):
@@ -93,7 +96,7 @@ class _Forward:
             with np.errstate(invalid="ignore"):  # a change of infinite power
                 ratio = log_likelihood_ratio(changes.unexplained[scan], *usual)
             slipped = self._slipped | slipping[start : scan + 1].any(axis=0)
-            self._restless.update(slipped, changes, scan, ratio)
+            self._restless.update(slipped, changes, scan, ratio, rested[scan])
             if np.isfinite(changes.spread[scan]).any():
                 ratio = self._joint(changes, scan, ratio, usual)
             rests = self._pose.step(slips, scan, slipped)
@@ -133,11 +136,11 @@ class LiveOdds:
         self._forward = _Forward(pitch_m, LIVE_AFTER_BINS)
         self._logged = self._forward.last, _log(self._forward.last)
 
-    def step(self, slipping: Bools, slips: Slips, changes: PatternChanges) -> Odds:
-        """Odds of these scans. slipping: (scans, pads), by the pose."""
+    def step(self, slipping: Bools, slips: Slips, changes: PatternChanges, rested: Bools) -> Odds:
+        """Odds of these scans. slipping: (scans, pads), by the pose. rested: (scans, pads), `rests` of `Consent`."""
         log_odds, restless = np.empty(slipping.shape), np.empty_like(slipping)
         start, last = 0, self._forward.last
-        for scan, one in [*self._forward.step(slipping, slips, changes), (len(slipping), None)]:
+        for scan, one in [*self._forward.step(slipping, slips, changes, rested), (len(slipping), None)]:
             if self._logged[0] is not last:  # it holds for many scans
                 self._logged = last, _log(last)
             log_odds[start:scan], restless[start:scan] = self._logged[1], last.restless
@@ -160,9 +163,9 @@ class OfflineOdds:
         self._given = self._forward.last
         self._t = np.zeros(0)  # of the scans held
 
-    def step(self, slipping: Bools, slips: Slips, changes: PatternChanges) -> Odds:
-        """Odds of the oldest scans, as many as are known. slipping: (scans, pads), by the pose."""
-        self._bins += [one for _, one in self._forward.step(slipping, slips, changes)]
+    def step(self, slipping: Bools, slips: Slips, changes: PatternChanges, rested: Bools) -> Odds:
+        """Odds of the oldest scans, as many as are known. slipping, rested: see `LiveOdds.step`."""
+        self._bins += [one for _, one in self._forward.step(slipping, slips, changes, rested)]
         self._t = np.concatenate([self._t, changes.t_s])
         parts = [self._chunk([], 0, -np.inf)]
         while len(self._bins) >= 2 * AHEAD_BINS:

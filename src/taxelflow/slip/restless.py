@@ -2,7 +2,10 @@
 
 On such a skin a pose moves although the object does not, and its covariance does not hold it. There the evidence
 of the patterns decides what is a slip; elsewhere the pose does. An object is taken to rest where the pose has it rest,
-or has had it slip for longer than objects do in a hand while load and tilt explain the pattern: poses may drift on.
+or has had it slip for longer than objects do in a hand while rest explains the patterns, those of the last 0.3 s, and
+clearly better than a slide those since the slip began: poses may drift on. In 0.3 s alone a smooth object that slides
+slowly changes no more than one at rest.
+
 Where the pose has it rest, the change of the pattern with its load is learned, too.
 """
 
@@ -53,12 +56,15 @@ class RestlessPads:
         found: Bools = self._stirred > RESTLESS_SHARE * (self._rest + _PRIOR_BINS)
         return found
 
-    def update(self, slipped: Bools, changes: PatternChanges, scan: int, log_ratio: Floats) -> None:
-        """One more bin, that of a scan. slipped: (pads,), by the pose in any scan of it. log_ratio: (pads,)."""
+    def update(self, slipped: Bools, changes: PatternChanges, scan: int, log_ratio: Floats, rests: Bools) -> None:
+        """One more bin, that of a scan. slipped: (pads,), by the pose in any scan of it. log_ratio: (pads,).
+
+        rests: (pads,), see `Consent`.
+        """
         self._calm = np.where(slipped, 0, self._calm + 1)
         self._slipped = np.where(slipped, self._slipped + 1, 0)
         calm = self._calm > self._needed
-        counts = (calm | ((self._slipped > _LONG_BINS) & (log_ratio < 0))) & ~np.isnan(self._last)
+        counts = (calm | ((self._slipped > _LONG_BINS) & (log_ratio < 0) & rests)) & ~np.isnan(self._last)
         forget = np.where(counts & (self._rest >= _MEMORY_BINS), 1 - 1 / _MEMORY_BINS, 1.0)
         self._rest = forget * self._rest + counts
         self._stirred = forget * self._stirred + np.where(counts, np.nan_to_num(self._last), 0.0)

@@ -13,7 +13,8 @@ to consent to a slip by the pose. The pattern from before it began is compared w
   sliding or by rolling;
 - where shear is measured, too, odds for a slip are enough: they know more than the pattern does.
 
-Else the slip is suspected. The interval that is compared begins with the slip: the longer the way, the clearer the
+Else the slip is suspected. Patterns are compared until a slide is clearly better: a slip that lasts while rest is may
+be none (`RestlessPads`). The interval that is compared begins with the slip: the longer the way, the clearer the
 decision. Where the load wanders the pose may claim a slip long before there is one; then it begins after the last bin
 that rest explained clearly better.
 """
@@ -22,7 +23,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -60,11 +61,20 @@ class _Pattern:
     path_m: Floats
 
 
+class Consent(NamedTuple):
+    """Of the pattern to slips by the pose, (scans, pads) each. since_s: since when it consents to one that goes on; inf
+    where it does not. rests: whether rest explains the change since that slip began clearly better.
+    """
+
+    since_s: Floats
+    rests: Bools
+
+
 @dataclass(slots=True, eq=False)
 class _Claim:
     """A slip by the pose. still: whether the contact was still before. before: the pattern that its interval begins
     with; None if there was none. rested_s: end of the last bin that rest explained clearly better, unless it was still.
-    compared: whether patterns were. since_s: see `step`.
+    compared: whether patterns were. shown: a slide explained the change clearly better. since_s, rests: see `Consent`.
     """
 
     onset_s: float
@@ -73,6 +83,8 @@ class _Claim:
     rested_s: float = -np.inf
     compared: bool = False
     since_s: float = np.inf
+    shown: bool = False
+    rests: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,23 +109,23 @@ class ShiftingLoad:
         self._seen: list[_Seen] = []
         self._stirred: list[tuple[float, Floats]] = []  # first time of a bin, and (pads,) of it
         self._path_m = np.zeros((count, 2))
-        self._since_s = np.full((1, count), -np.inf)
+        self._since_s, self._rests = np.full(count, -np.inf), np.zeros(count, dtype=np.bool_)
 
     def prepare(self) -> None:
         """Make ready what a comparison needs, so that none of a stream waits for it."""
         if self._doubts:
             prepare(self._layout)
 
-    def step(self, slips: Slips, events: list[Event], changes: PatternChanges, completed: list[Bin]) -> Floats:
-        """(scans, pads), since when the pattern consents to a slip by the pose that goes on; inf where it does not.
+    def step(self, slips: Slips, events: list[Event], changes: PatternChanges, completed: list[Bin]) -> Consent:
+        """Consent to slips in these scans.
 
         events: by the pose, of these scans, in time order. changes: of these scans. completed: bins since the last
         call, which may be of later scans.
         """
         if not self._doubts:
-            return np.full(slips.contact.shape, -np.inf)
+            return Consent(np.full(slips.contact.shape, -np.inf), np.zeros_like(slips.contact))
         self._coming += completed
-        found = np.empty(slips.contact.shape)
+        found = Consent(np.empty(slips.contact.shape), np.empty_like(slips.contact))
         begun = [event for event in events if event.event in ("slip_start", "slip_stop", "release")]
         paths_m, done = np.empty((*slips.contact.shape, 2)), 0
         _follow(slips.displacement, self._path_m, paths_m)
@@ -126,7 +138,7 @@ class ShiftingLoad:
                 done += 1
             while self._coming and self._coming[0].until_s <= t_s:
                 self._judge(_Seen(self._coming.pop(0), self._path_m))
-            found[scan] = self._since_s
+            found.since_s[scan], found.rests[scan] = self._since_s, self._rests
         return found
 
     def _change(self, event: Event) -> None:
@@ -140,7 +152,8 @@ class ShiftingLoad:
             resumed = before is not None and before.onset_s == event.onset_s  # its end was withdrawn
             claim = before if before is not None and resumed else self._claimed(pad, event)
             self._claims[pad] = claim
-        self._since_s[0, pad] = self._claims[pad].since_s if pad in self._claims else -np.inf
+        self._since_s[pad] = self._claims[pad].since_s if pad in self._claims else -np.inf
+        self._rests[pad] = pad in self._claims and self._claims[pad].rests
 
     def _claimed(self, pad: int, event: Event) -> _Claim:
         """A slip by the pose that begins; a method without displacement has no way to doubt."""
@@ -165,24 +178,26 @@ class ShiftingLoad:
         return _Pattern(seen[-1].bin.until_s, total / scans, scans, np.mean([one.path_m[pad] for one in seen], axis=0))
 
     def _judge(self, seen: _Seen) -> None:
-        """One more bin: compare the patterns of slips that have no consent yet."""
+        """One more bin: compare the patterns that have not shown their slip yet."""
         self._seen.append(seen)
         oldest_s = seen.bin.until_s - _HISTORY_S
         self._seen = [one for one in self._seen if one.bin.until_s >= oldest_s]
         self._stirred = [one for one in self._stirred if one[0] >= oldest_s]
         for pad, claim in self._claims.items():
             touches = seen.bin.touching[pad] and seen.bin.whole[pad]
-            if claim.since_s < np.inf or seen.bin.until_s <= claim.onset_s or not touches:
+            if claim.shown or seen.bin.until_s <= claim.onset_s or not touches:
                 continue
             now = self._pattern(pad, [seen])
             if claim.before is None:
                 claim.before = now
                 continue
             if not comparable(claim.before.pressure, now.pressure):
-                claim.since_s = claim.rested_s
+                claim.shown = True
             else:
                 self._compare(pad, claim, claim.before, now, seen.bin.noise)
-            self._since_s[0, pad] = claim.since_s
+            if claim.shown:
+                claim.since_s, claim.rests = min(claim.since_s, claim.rested_s), False
+            self._since_s[pad], self._rests[pad] = claim.since_s, claim.rests
 
     def _compare(self, pad: int, claim: _Claim, before: _Pattern, now: _Pattern, noise: Floats) -> None:
         """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?"""
@@ -192,7 +207,8 @@ class ShiftingLoad:
         left = compare(skin, before.pressure, now.pressure, one, way, sinks=False)
         first = claim.still and not claim.compared
         odd = covers(before.pressure, now.pressure) and _is_odd(before, now, left.rest, one)
-        if odd or left.rest > CLEARLY**2 * left.slide or (first and left.slide < CLEARLY**2 * left.rest):
+        claim.shown, claim.rests = left.rest > CLEARLY**2 * left.slide, left.rests()
+        if claim.since_s == np.inf and (odd or (first and left.slide < CLEARLY**2 * left.rest)):
             claim.since_s = claim.rested_s
         elif left.slide >= CLEARLY**2 * left.rest and not claim.still:
             claim.rested_s = now.until_s

@@ -118,9 +118,10 @@ class SlipStage:
             if len(of_posed) > len(posed):  # a stream holds nothing back, and copies nothing
                 of_posed = cut(of_posed, first, first + len(posed))
             changes, bins = self._taken(len(posed)), self._watch.completed or []
-            parts.append(self._odds.step(posed, of_posed, changes))
-            self._since_s.append(self._shifts.step(of_posed, detected.events, changes, bins))
+            consent = self._shifts.step(of_posed, detected.events, changes, bins)
             bins.clear()
+            self._since_s.append(consent.since_s)
+            parts.append(self._odds.step(posed, of_posed, changes, consent.rests))
         if last:
             parts.append(self._odds.finish())
         count = sum(map(len, parts))

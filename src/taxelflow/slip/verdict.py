@@ -21,6 +21,7 @@ from taxelflow.messages import AMBIGUOUS, OK, QUALITY, Event
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel
 from taxelflow.slip.odds import AGAINST, LIVE_DELAY_S
+from taxelflow.slip.suspicion import Suspicion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -144,12 +145,13 @@ class Verdict:
         self._began_early = np.zeros((1, count), dtype=np.bool_)
         self._suspected: dict[int, Event] = {}
         """Begins of slips by the pose that go on and are only suspected, by pad."""
+        self._suspicion = Suspicion(layout.pitch_m)
 
     def step(self, slips: Slips, posed: Posed, odds: Odds) -> tuple[Bools, list[Event]]:
         """Slipping (scans, pads), and the events of these scans in time order.
 
         A slip that only the pose of one pad sees on a restless pad, or on a part of one that rests, or that its pattern
-        speaks against while the pose is not `ok`, becomes `slip_suspected`.
+        speaks against while the pose is not `ok`, becomes `slip_suspected`, again and again while its pose moves on.
         """
         events, final, by_odds = posed.events, np.empty_like(posed.slipping), np.empty_like(posed.slipping)
         doubted = posed.since_s == np.inf
@@ -166,7 +168,9 @@ class Verdict:
         decide_ = decide_block if is_block(len(slips), decide) else decide
         changes = decide_(flags, self._whole, (odds.log_odds, soon), last, last_by_odds, final, by_odds)
         self._slipping, self._by_odds = final[-1:], by_odds[-1:]
-        if not events and not changes:
+        again = self._suspicion.step(slips, posed.slipping & ~final)
+        repeated = ~np.isnan(again)
+        if not events and not changes and not repeated.any():
             return final, []
         before, by_odds = np.concatenate([last, final]), np.concatenate([last_by_odds, by_odds])
         own: dict[tuple[int, int], list[Event]] = {}
@@ -174,7 +178,7 @@ class Verdict:
             scan = int(np.searchsorted(slips.t_s, event.t_s))
             own.setdefault((scan, self._numbers[event.pad]), []).append(event)
         changed = (before[1:] != before[:-1]) & (by_odds[1:] | by_odds[:-1])
-        places = {(int(scan), int(pad)) for scan, pad in zip(*np.nonzero(changed), strict=True)}
+        places = {(int(scan), int(pad)) for scan, pad in zip(*np.nonzero(changed | repeated), strict=True)}
         found = []
         for scan, pad in sorted(places | own.keys()):
             own_events = own.get((scan, pad), [])
@@ -183,6 +187,8 @@ class Verdict:
                 since_s = np.inf if odds.restless[scan, pad] else float(posed.since_s[scan, pad])
                 ends_now = bool(ends[0]), bool(ends[1])
                 own_events = self._decided(own_events, float(slips.t_s[scan]), pad, ends_now, since_s)
+            if repeated[scan, pad] and not own_events:
+                own_events = [self._again(pad, float(slips.t_s[scan]), float(again[scan, pad]))]
             quality, evidence = QUALITY[slips.quality[scan, pad]], float(odds.log_odds[scan, pad])
             evidence = nan if np.isnan(evidence) else evidence  # one and the same NaN, as of other fields
             found += [_witnessed(event, quality, evidence) for event in own_events]
@@ -245,6 +251,11 @@ class Verdict:
         self._keep_suspected(posed, pad, slips_on=slips_on)
         touch, release = ([event for event in posed if event.event == kind] for kind in ("contact", "release"))
         return [*touch, *slip, *release]
+
+    def _again(self, pad: int, t_s: float, since_s: float) -> Event:
+        """A suspected slip that goes on: that of its pose, or, since a time, what is left of a slip that has ended."""
+        slip = self._suspected.get(pad, Event(since_s, self._pads[pad], "slip_start", since_s))
+        return replace(slip, t_s=t_s, event="slip_suspected")
 
     def _keep_suspected(self, posed: list[Event], pad: int, *, slips_on: bool) -> None:
         """Keep the begin of a slip by the pose that is only suspected, until the pose's slip ends."""
