@@ -16,14 +16,16 @@ if TYPE_CHECKING:
 
 PITCH_M = np.array([[0.004, 0.004]])
 QUARTER_M = 0.001
+SCAN_S = 0.6
+"""Longer than the time between two reports."""
 
 
-def reports(steps_m: Floats, *, block: int = 1000) -> list[int]:
+def reports(steps_m: Floats, *, block: int = 1000, scan_s: float = SCAN_S) -> list[int]:
     """Scans in which a slip that is suspected all the time is reported again. steps_m: (scans, 2)."""
     suspicion, found = Suspicion(PITCH_M), []
     for start in range(0, len(steps_m), block):
         part = steps_m[start : start + block]
-        t_s = 0.01 * np.arange(start, start + len(part))
+        t_s = scan_s * np.arange(start, start + len(part))
         again = suspicion.step(moving(t_s, part), np.ones((len(part), 1), dtype=np.bool_))
         found += (start + np.flatnonzero(again[:, 0] == 0.0)).tolist()
     return found
@@ -51,6 +53,10 @@ def test_a_slow_slip_is_reported_as_often_as_a_fast_one(pitches: float, block: i
     found = reports(steps_m, block=block)
     assert len(found) in (6, 7, 8)
     assert found == reports(steps_m)
+
+
+def test_a_fast_slip_is_reported_each_half_second() -> None:
+    assert reports(np.tile([QUARTER_M, 0.0], (140, 1)), scan_s=0.01) == [50, 100]
 
 
 def test_an_object_that_rocks_is_not_reported_for_each_swing() -> None:

@@ -65,19 +65,19 @@ def test_a_slip_that_its_pattern_speaks_against_is_suspected_unless_the_pose_is_
 
 
 def test_a_suspected_slip_is_reported_again_while_its_pose_moves_on() -> None:
-    _, events = of_palm([AMBIGUOUS] * SCANS, [-9.0] * SCANS, step_m=0.0006)  # a quarter of a pitch in two scans
+    _, events = of_palm([AMBIGUOUS] * SCANS, [-9.0] * SCANS, step_m=0.0006, scan_s=1.0)  # a quarter of a pitch in 2 s
     assert [(event.event, event.t_s, event.onset_s) for event in events] == [
-        ("slip_suspected", 0.02, 0.02),
-        ("slip_suspected", 0.04, 0.02),
+        ("slip_suspected", 2.0, 2.0),
+        ("slip_suspected", 4.0, 2.0),
     ]
 
 
 def test_what_is_left_of_a_slip_that_the_odds_have_ended_is_suspected() -> None:
     odds = [9.0, 9.0, 9.0, -9.0, -9.0, -9.0]
-    slipping, events = of_palm([OK] * SCANS, odds, step_m=0.0011, restless=True)
+    slipping, events = of_palm([OK] * SCANS, odds, step_m=0.0011, restless=True, scan_s=1.0)
     assert slipping.tolist() == [True, True, True, False, False, False]
     last = [(event.event, event.t_s, event.onset_s) for event in events[-2:]]
-    assert last == [("slip_stop", 0.03, 0.03), ("slip_suspected", 0.04, 0.03)]
+    assert last == [("slip_stop", 3.0, 3.0), ("slip_suspected", 4.0, 3.0)]
 
 
 def test_it_begins_when_the_pattern_no_longer_does_and_is_dated_by_its_pose() -> None:
@@ -126,6 +126,7 @@ def of_palm(
     ago_s: float = 0.0,
     step_m: float = 0.0,
     restless: bool = False,
+    scan_s: float = 0.01,
 ) -> tuple[np.ndarray, list[Event]]:
     """Verdict on the palm, whose pose slips in scans 2 to 4: (scans,), and events. quality, log_odds: per scan.
 
@@ -135,8 +136,9 @@ def of_palm(
     pads = len(layout.pads)
     slipping = np.zeros((SCANS, pads), dtype=bool)
     slipping[2:5, 0] = True
-    events = [Event(0.02, "palm", "slip_start", 0.02 - ago_s), Event(0.05, "palm", "slip_stop", 0.05)]
-    slips = touching(pads, OK)
+    start_s, stop_s = 2 * scan_s, 5 * scan_s
+    events = [Event(start_s, "palm", "slip_start", start_s - ago_s), Event(stop_s, "palm", "slip_stop", stop_s)]
+    slips = touching(pads, OK, scan_s)
     slips.quality[:, 0], slips.border[:, 0, 0] = quality, border
     slips.displacement[:, 0, 0] = step_m
     each = np.tile(np.array(log_odds)[:, np.newaxis], (1, pads))
@@ -161,10 +163,10 @@ def judged(*, palm: bool, quality: int, sensor: Sensor = HAND) -> tuple[np.ndarr
     return Verdict(layout).step(touching(pads, quality), posed, odds)
 
 
-def touching(pads: int, quality: int) -> Slips:
+def touching(pads: int, quality: int, scan_s: float = 0.01) -> Slips:
     """Scans in contact on all pads."""
     one, yes = np.ones((SCANS, pads)), np.ones((SCANS, pads), dtype=bool)
     three, matrix = np.zeros((SCANS, pads, 3)), np.zeros((SCANS, pads, 3, 3))
     border, worth = np.zeros((SCANS, pads, 2), dtype=bool), np.full((SCANS, pads), quality, dtype=np.uint8)
-    t_s = 0.01 * np.arange(SCANS)
+    t_s = scan_s * np.arange(SCANS)
     return Slips(t_s, yes, border, three, three, matrix, matrix, 0.01 * one, 0 * one, one, np.nan * one, worth)

@@ -16,7 +16,8 @@ to consent to a slip by the pose. The pattern from before it began is compared w
 Else the slip is suspected. Patterns are compared until a slide is clearly better: a slip that lasts while rest is may
 be none (`RestlessPads`). The interval that is compared begins with the slip: the longer the way, the clearer the
 decision. Where the load wanders the pose may claim a slip long before there is one; then it begins after the last bin
-that rest explained clearly better.
+that rest explained clearly better, and so does the interval: what rolls or tilts rests in each short one, where in a
+long one neither is explained.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ class Consent(NamedTuple):
 @dataclass(slots=True, eq=False)
 class _Claim:
     """A slip by the pose. still: whether the contact was still before. before: the pattern that its interval begins
-    with; None if there was none. rested_s: end of the last bin that rest explained clearly better, unless it was still.
+    with; None if there was none. rested_s: end of the last bin that rest explained clearly better.
     compared: whether patterns were. shown: a slide explained the change clearly better. since_s, rests: see `Consent`.
     """
 
@@ -197,6 +198,8 @@ class ShiftingLoad:
                 self._compare(pad, claim, claim.before, now, seen.bin.noise)
             if claim.shown:
                 claim.since_s, claim.rests = min(claim.since_s, claim.rested_s), False
+            elif claim.rests:
+                claim.before, claim.rested_s = now, now.until_s
             self._since_s[pad], self._rests[pad] = claim.since_s, claim.rests
 
     def _compare(self, pad: int, claim: _Claim, before: _Pattern, now: _Pattern, noise: Floats) -> None:
@@ -208,10 +211,8 @@ class ShiftingLoad:
         first = claim.still and not claim.compared
         odd = covers(before.pressure, now.pressure) and _is_odd(before, now, left.rest, one)
         claim.shown, claim.rests = left.rest > CLEARLY**2 * left.slide, left.rests()
-        if claim.since_s == np.inf and (odd or (first and left.slide < CLEARLY**2 * left.rest)):
+        if claim.since_s == np.inf and (odd or (first and not claim.rests)):
             claim.since_s = claim.rested_s
-        elif left.slide >= CLEARLY**2 * left.rest and not claim.still:
-            claim.rested_s = now.until_s
         claim.compared = True
 
 

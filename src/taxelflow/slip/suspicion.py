@@ -6,16 +6,32 @@ rocks with its load comes back, and is not reported for each swing.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.records import Records, records
 from taxelflow.numerics.rounding import BLURRED
 from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
     from taxelflow.messages import Slips
+
+_AGAIN_S = 0.5
+"""Time between reports of one slip: a fast one is not reported for each scan."""
+
+
+class Follow:
+    """State of one pad: whether its slip is only suspected, and since when; way since then, and its length at the next
+    report; time of the last report.
+    """
+
+    suspected: bool
+    since_s: float
+    way_m: Annotated[Floats, 2]
+    next_m: float
+    last_s: float
 
 
 class Suspicion:
@@ -23,53 +39,45 @@ class Suspicion:
 
     def __init__(self, pitch_m: Floats) -> None:
         """pitch_m: (pads, 2)."""
-        count = len(pitch_m)
         self._reach_m = BLURRED * np.sqrt(pitch_m.prod(axis=1))
-        self._before = np.zeros((1, count), dtype=np.bool_)
-        self._way_m, self._next_m, self._since_s = np.zeros((count, 2)), np.zeros(count), np.zeros(count)
+        self._states = records(Follow, len(pitch_m))
 
     def step(self, slips: Slips, suspected: Bools) -> Floats:
         """(scans, pads), where a suspected slip is reported again, since when it is suspected, s; else NaN.
 
         suspected: (scans, pads), slipping by the pose alone. A slip is reported again where its pose has moved by a
-        quarter of a pitch further from where it was suspected first than at the last report.
+        quarter of a pitch further from where it was suspected first than at the last report, half a second ago.
         """
         again = np.full(suspected.shape, np.nan)
-        state = (self._before, self._way_m, self._next_m, self._since_s)
-        _follow(suspected, slips.t_s, slips.displacement, self._reach_m, state, again)
-        self._before = suspected[-1:]
+        _follow(suspected, slips.t_s, slips.displacement, self._reach_m, self._states, again)
         return again
 
 
 @kernel
 def _follow(
-    suspected: Bools,
-    t_s: Floats,
-    displacement: Floats,
-    reach_m: Floats,
-    state: tuple[Bools, Floats, Floats, Floats],
-    again: Floats,
+    suspected: Bools, t_s: Floats, displacement: Floats, reach_m: Floats, states: Records, again: Floats
 ) -> None:
-    """Fill again (scans, pads). state: suspected before, (1, pads); way since then, (pads, 2), the length of it at the
-    next report, and since when, (pads,).
-    """
-    before, way_m, next_m, since_s = state
+    """Fill again (scans, pads). states: (pads,) of `Follow`."""
     for scan in range(suspected.shape[0]):
         for pad in range(suspected.shape[1]):
-            was = suspected[scan - 1, pad] if scan > 0 else before[0, pad]
-            if suspected[scan, pad] and not was:
-                since_s[pad], next_m[pad] = t_s[scan], reach_m[pad]
-                way_m[pad, 0] = way_m[pad, 1] = 0.0
-            elif suspected[scan, pad]:
-                length_m = _go_on(displacement[scan, pad], way_m[pad])
-                again[scan, pad] = since_s[pad] if length_m > next_m[pad] else np.nan
-                next_m[pad] = max(next_m[pad], reach_m[pad] * (length_m // reach_m[pad] + 1.0))
+            state: Follow = states[pad]
+            if suspected[scan, pad]:
+                again[scan, pad] = _go_on(t_s[scan], displacement[scan, pad], reach_m[pad], state)
+            state.suspected = suspected[scan, pad]
 
 
 @routine
-def _go_on(displacement: Floats, way_m: Floats) -> float:
-    """Add the known part of a displacement to a way, (2,) each; its length."""
+def _go_on(t_s: float, displacement: Floats, reach_m: float, state: Follow) -> float:
+    """One more scan (3,) of a suspected slip: since when it is, s, if it is reported again, else NaN."""
+    if not state.suspected:
+        state.since_s = state.last_s = t_s
+        state.next_m = reach_m
+        state.way_m[0] = state.way_m[1] = 0.0
+        return np.nan
     for axis in range(2):
-        step = displacement[axis]
-        way_m[axis] += 0.0 if np.isnan(step) else step
-    return float(np.hypot(way_m[0], way_m[1]))
+        state.way_m[axis] += 0.0 if np.isnan(displacement[axis]) else displacement[axis]
+    length_m = np.hypot(state.way_m[0], state.way_m[1])
+    if length_m <= state.next_m or t_s < state.last_s + _AGAIN_S:
+        return np.nan
+    state.last_s, state.next_m = t_s, reach_m * (length_m // reach_m + 1.0)
+    return state.since_s
