@@ -16,6 +16,7 @@ from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.devices.frames import crc_table
 from taxelflow.acquire.devices.serial import BAUD, SerialLine
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource
+from taxelflow.acquire.devices.wrapping import WrappingClock
 from taxelflow.errors import AddressInvalid
 from taxelflow.sensors.catalogue import load_sensor
 
@@ -38,6 +39,8 @@ POLYNOMIAL = "8408"
 """CRC-16-CCITT, reversed: an assumption."""
 _MOST = 0xFFFF
 """Largest number of 16 bits."""
+_CLOCK_MS = 2.0**32
+"""Range of the controller's clock, 49.7 days."""
 _RATE = 30
 """Default scan rate, Hz."""
 
@@ -73,10 +76,11 @@ class DsaParser:
     def __init__(self, layout: Layout, faults: Faults, polynomial: int) -> None:
         self._taxel_cells, self._cells = cells_of(layout)
         self._faults, self._table = faults, crc_table(polynomial)
+        self._clock = WrappingClock(_CLOCK_MS)
         self.restart()
 
     def restart(self) -> None:
-        """See `Parser`."""
+        """See `Parser`; the device's clock may have gone on all the same."""
         self._buffer = bytearray()
 
     def end(self) -> list[tuple[float | None, Floats]]:
@@ -136,7 +140,7 @@ class DsaParser:
             words = np.repeat(words & 0xFFF, words >> 12)
         if len(words) != self._cells:
             return None
-        return 1e-3 * t_ms, words[self._taxel_cells].astype(np.float64)
+        return 1e-3 * self._clock.unwrapped(float(t_ms)), words[self._taxel_cells].astype(np.float64)
 
 
 class _DsaLine(SerialLine):
