@@ -7,6 +7,7 @@ import logging
 import math
 import re
 import threading
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from taxelflow.acquire.devices.line import LineParser, _plain, line_of
 from taxelflow.acquire.devices.rosbridge import RosbridgeParser
 from taxelflow.acquire.devices.xela import XelaParser
 from taxelflow.acquire.ros.kinds import kind_of
+from taxelflow.errors import TaxelCountWrong
 from taxelflow.pipeline.live.emulators.base import Fault, Playback
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
@@ -115,7 +117,7 @@ def test_all_registers_of_the_inspire_hand_are_read() -> None:
     _, values, arrived, _ = sent_and_received("inspire-modbus")
     seen = {tuple(row) for row in values.astype(int).tolist()}
     whole = [arrival for arrival in arrived if tuple(arrival.values.astype(int).tolist()) in seen]
-    assert len(whole) >= 3  # a scan may change while its nine answers are read
+    assert len(whole) >= 3  # a scan may change while its answers are read
     assert len(arrived[0].values) == 1062
 
 
@@ -130,6 +132,24 @@ def test_a_hand_of_fewer_readings_is_named_in_a_short_line(caplog: pytest.LogCap
     assert "connection lost: the hand has 48 of 1062 readings; connecting again" in {
         record.message for record in caplog.records
     }
+
+
+def test_the_inspire_hand_is_asked_for_one_pad_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    hand, asked = ModbusHand("127.0.0.1", free_port(), 1062, 50.0), []
+
+    def read(address: int, *, count: int) -> SimpleNamespace:
+        asked.append((address, count))
+        return SimpleNamespace(registers=[0xFFFF] * count, isError=lambda: False)
+
+    monkeypatch.setattr(hand._client, "read_holding_registers", read)
+    assert hand.receive() == b"\xff\xff" * 1062
+    assert asked[:4] == [(3000, 9), (3018, 96), (3210, 80), (3370, 9)]
+    assert asked[12:] == [(4480, 9), (4498, 96), (4690, 9), (4708, 96), (4900, 112)]
+
+
+def test_a_sensor_of_more_readings_than_the_inspire_hand_has_is_refused() -> None:
+    with pytest.raises(TaxelCountWrong, match="the hand has 1062 taxels per scan but sensor 'grid:40x40@3mm' has 1600"):
+        opened("inspire-modbus://127.0.0.1", load_sensor("grid:40x40@3mm"))
 
 
 def test_the_modbus_library_says_nothing_of_its_own(caplog: pytest.LogCaptureFixture) -> None:
