@@ -68,3 +68,9 @@ def test_a_run_of_50_days_of_the_dsa_goes_on_without_a_gap() -> None:
         assert timeline.place(Arrival(0.033 * scan, t_s, values)) == pytest.approx(4294966.996 + 0.033 * scan)
     assert not faults.counts
     assert not timeline.gaps
+
+
+def test_a_reading_that_is_a_signalling_nan_is_missing() -> None:
+    parser = FrameParser(Frame("AA55", type="float32", time="none", checksum="none"), 2, Faults(), timed=False)
+    [(_, values)] = parser.feed(bytes.fromhex("AA55 0000A07F 0000803F"))
+    assert values.tolist() == pytest.approx([float("nan"), 1.0], nan_ok=True)

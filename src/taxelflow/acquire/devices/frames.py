@@ -143,7 +143,8 @@ class FrameParser:
 
     def _scan(self, content: bytes) -> tuple[float | None, Floats]:
         form = self._form
-        values = np.frombuffer(content, form.number, offset=form.time_bytes).astype(np.float64)
+        with np.errstate(invalid="ignore"):  # a signalling NaN is a missing reading like any other
+            values = np.frombuffer(content, form.number, offset=form.time_bytes).astype(np.float64)
         if form.time is None or form.clock is None or not self._timed:
             return None, values
         ticks = float(np.frombuffer(content, form.time, 1)[0])
