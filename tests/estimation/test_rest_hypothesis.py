@@ -11,10 +11,14 @@ import pytest
 
 from elastic_skin import PITCH_M, RATE_HZ, SENSOR, on_skin
 from synthetic import assert_same, recorded
-from taxelflow.messages import AMBIGUOUS, OK
+from taxelflow.estimation import rest_hypothesis
+from taxelflow.estimation.rest_hypothesis import RestHypothesis
+from taxelflow.messages import AMBIGUOUS, OK, cut
+from taxelflow.numerics.rest_or_slide import compare
 from taxelflow.pipeline import api
 
 if TYPE_CHECKING:
+    from taxelflow.acquire.base import Recording
     from taxelflow.estimation.base import Mode
     from taxelflow.messages import Floats, Slips
 
@@ -78,6 +82,42 @@ def test_results_do_not_depend_on_blocks(mode: Mode) -> None:
     values = np.concatenate([scans.values for scans in whole.blocks()])
     parts = recorded(values, SENSOR, np.arange(len(values)) / RATE_HZ, block=7)
     assert_same(*(api.estimate(each, "registration", mode=mode).slips for each in (parts, whole)))
+
+
+HAND = msgspec.structs.replace(
+    SENSOR, pads=tuple(msgspec.structs.replace(SENSOR.pads[0], name=name) for name in ("one", "two", "three"))
+)
+
+
+def held(block: int) -> Recording:
+    """Three pads with the same object, rocked, in blocks of this many scans."""
+    values = np.concatenate([scans.values for scans in on_skin(SLID, ROCKED).blocks()])[: FIRST + 100]
+    return recorded(np.tile(values, 3), HAND, np.arange(len(values)) / RATE_HZ, block=block)
+
+
+def test_the_pads_of_a_hand_are_compared_in_scans_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    compared: list[int] = []
+    step = RestHypothesis.step
+
+    def counting(self: RestHypothesis, slips: Slips) -> None:
+        for scan in range(len(slips)):
+            before = len(calls)
+            step(self, cut(slips, scan, scan + 1))
+            compared.append(len(calls) - before)
+
+    calls: list[object] = []
+    monkeypatch.setattr(RestHypothesis, "step", counting)
+    monkeypatch.setattr(
+        rest_hypothesis, "compare", lambda *args, **kwargs: calls.append(args) or compare(*args, **kwargs)
+    )
+    api.estimate(held(50), "registration", mode="stream")
+    assert len(calls) > 10
+    assert max(compared) == 1
+
+
+@both
+def test_results_of_a_hand_do_not_depend_on_blocks(mode: Mode) -> None:
+    assert_same(*(api.estimate(held(block), "registration", mode=mode).slips for block in (7, 50)))
 
 
 @both

@@ -62,3 +62,5 @@ def test_bad_options_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
         Design(pitch_mm=(100.0,))
     assert main(["design", "--plot", "d.txt"]) == 2
     assert "end in .svg" in capsys.readouterr().err
+    assert main(["design", "--plot", "none/d.svg"]) == 2  # before the work, which would be lost
+    assert "--plot must lie in a directory that exists (got 'none/d.svg')" in capsys.readouterr().err

@@ -27,6 +27,7 @@ from taxelflow.acquire.ros.kinds import Kind, kind_of, known_types, ros2_name
 from taxelflow.errors import NameUnknown, ParameterInvalid, TaxelflowError
 from taxelflow.pipeline.live.loop import update_of
 from taxelflow.publish.sinks.lines import event_row, json_lines
+from taxelflow.publish.sinks.six_axes import over_skin, usable
 
 _USUAL = {
     "sensor": "barretthand-162",
@@ -89,12 +90,9 @@ class SlipNode(Node):  # type: ignore[misc]  # rclpy has no types
         out = TwistWithCovarianceStamped()
         out.header.stamp = stamp
         out.header.frame_id = "hand"
-        out.twist.twist.linear.x, out.twist.twist.linear.y = velocity[:2].tolist()
-        out.twist.twist.angular.z = float(np.nan_to_num(velocity[2]))
-        covariance = np.zeros((6, 6))
-        covariance[np.ix_([0, 1, 5], [0, 1, 5])] = np.nan_to_num(motions.velocity_covariance[-1])
-        if not np.isfinite(velocity[2]):
-            covariance[5, 5] = -1.0  # unknown
+        twist, covariance = usable(*over_skin(velocity, motions.velocity_covariance[-1]))
+        out.twist.twist.linear.x, out.twist.twist.linear.y = twist[:2].tolist()
+        out.twist.twist.angular.z = float(twist[5])
         out.twist.covariance = covariance.ravel().tolist()
         self._object.publish(out)
 

@@ -265,8 +265,13 @@ def check_csv(path: Path | None) -> None:
     """Raises ParameterInvalid for a file that cannot be written, before the work begins."""
     if path is not None and path.suffix != ".csv":
         raise ParameterInvalid("csv", str(path), "end in .csv")
+    check_directory("csv", path)
+
+
+def check_directory(option: str, path: Path | None) -> None:
+    """Raises ParameterInvalid for a file, asked for by an option, that has no directory to lie in."""
     if path is not None and not path.parent.is_dir():
-        raise ParameterInvalid("csv", str(path), "lie in a directory that exists")
+        raise ParameterInvalid(option, str(path), "lie in a directory that exists")
 
 
 def name_files(written: list[Path]) -> None:

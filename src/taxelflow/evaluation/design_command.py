@@ -8,7 +8,7 @@ from pathlib import Path
 import tyro
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.commands import Output
+from taxelflow.evaluation.commands import Output, check_directory
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,7 @@ class Design(Output):
         super().__post_init__()
         if self.plot is not None and self.plot.suffix not in (".svg", ".png", ".pdf"):
             raise ParameterInvalid("plot", str(self.plot), "end in .svg, .png or .pdf")
+        check_directory("plot", self.plot)
 
     def run(self, rest: list[str]) -> int:
         """Sweep, print, draw."""

@@ -79,6 +79,9 @@ class PacedRow(msgspec.Struct, frozen=True):
     longest_ms: float
     load_average: float
     """Of the machine, during the run: a figure from a busy machine is of little use."""
+    core_wait: float
+    """Share of the run's time for which the thread of the estimate waited for a processor; NaN where the system does
+    not report it."""
     resident_mb: float
     growth: float
     """Of the resident memory, from a fifth of the run to its end, as a share."""
@@ -219,9 +222,11 @@ def _paced(method: str, sensor: Sensor, scans: RawScans, rate_hz: float, seconds
     source = Replay(Recording("paced hand", "rig", sensor, read, scans=wanted), speed=1.0)
     memory: list[float] = []
     live = Live(sensor, method)
+    began_s, waited_s = time.monotonic(), _core_wait_s()
     with tempfile.TemporaryDirectory() as folder:
         sinks = opened_sinks((f"jsonl:{Path(folder) / 'a.jsonl'}", f"mcap:{Path(folder) / 'a.mcap'}?draw=0"))
         report = run_live(source, sinks, live, Limits(), method, lambda _: memory.append(resident_mb()))
+    core_wait = (_core_wait_s() - waited_s) / (time.monotonic() - began_s)
     seen = report.workers[0].latencies
     settled = memory[len(memory) // 5 :] or [resident_mb()]
     row = PacedRow(
@@ -234,10 +239,17 @@ def _paced(method: str, sensor: Sensor, scans: RawScans, rate_hz: float, seconds
         1e3 * seen.quantile_s(0.99),
         1e3 * seen.longest_s,
         os.getloadavg()[0],
+        core_wait,
         settled[-1],
         settled[-1] / settled[0] - 1.0,
     )
     return row, seen
+
+
+def _core_wait_s() -> float:
+    """Time for which this thread has waited for a processor, s; NaN where the system does not report it."""
+    scheduled = Path("/proc/thread-self/schedstat")
+    return 1e-9 * int(scheduled.read_text().split()[1]) if scheduled.exists() else np.nan
 
 
 def resident_mb() -> float:
@@ -261,7 +273,8 @@ def _show(report: LiveReport, console: Console) -> None:
         console.print(
             f"{paced.method}: {paced.scans_in} scans at {paced.rate_hz:g} Hz, {paced.dropped} dropped; to the file p50 "
             f"{paced.p50_ms:.2f}, p99 {paced.p99_ms:.2f}, longest {paced.longest_ms:.1f} ms; "
-            f"{paced.resident_mb:.0f} MB, growth {100 * paced.growth:+.1f} %; load average {paced.load_average:.1f}"
+            f"{paced.resident_mb:.0f} MB, growth {100 * paced.growth:+.1f} %; load average {paced.load_average:.1f}, "
+            f"{100 * paced.core_wait:.1f} % of the time waited for a core"
         )
         for bar in report.histogram:
             if bar.method == paced.method:

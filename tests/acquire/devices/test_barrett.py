@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from streaming import opened
+from streaming import awaited, opened
 from taxelflow.acquire.devices.barrett import CAN_FRAME, PUCKS, ask, frames_of
 from taxelflow.errors import AddressInvalid
 from taxelflow.sensors.catalogue import load_sensor
@@ -74,6 +74,20 @@ def test_a_hand_without_one_of_its_pucks_is_asked_again() -> None:
         found = scans(source, 3)
     np.testing.assert_array_equal(found, [[n, n, n, np.nan] for n in (1.0, 2.0, 3.0)])
     assert source.faults.counts["puck silent"] == 3
+
+
+def test_an_adapter_that_is_pulled_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    with hand("pulled"), opened("barrett-can:pulled?interface=virtual&rate=200", HAND) as source:
+        bus, arrivals = source._transport._bus, iter(source)
+
+        def pulled(*_details: object) -> None:
+            raise can.CanOperationError("no such device")
+
+        shutdown = bus.shutdown
+        monkeypatch.setattr(bus, "recv", pulled)
+        monkeypatch.setattr(bus, "shutdown", lambda: (shutdown(), pulled()))
+        awaited(lambda: next(arrivals) is not None)
+    assert source.faults.counts == {"connection lost": 1, "connected again": 1}
 
 
 def test_a_rate_of_zero_is_refused() -> None:

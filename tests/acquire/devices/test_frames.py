@@ -1,4 +1,4 @@
-"""The clock of binary frames: it wraps, is set back, and goes on while a connection is lost."""
+"""The clocks of devices: they wrap, are set back, and go on while a connection is lost."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ import struct
 
 import pytest
 
-from taxelflow.acquire.devices.base import Faults
-from taxelflow.acquire.devices.frames import FrameParser
+from streaming import PALM
+from taxelflow.acquire.devices.base import Arrival, Faults
+from taxelflow.acquire.devices.dsa import POLYNOMIAL, SCAN, DsaParser, cells_of
+from taxelflow.acquire.devices.dsa import frame as dsa_frame
+from taxelflow.acquire.devices.frames import FrameParser, crc_table
+from taxelflow.acquire.devices.timeline import Timeline
 from taxelflow.acquire.devices.udp import _Whole
 from taxelflow.sensors.frame import Frame
 
@@ -52,3 +56,21 @@ def test_a_device_that_starts_again_has_not_wrapped(parser: FrameParser) -> None
 def test_a_datagram_that_a_wrap_has_overtaken_is_of_the_time_before(parser: FrameParser) -> None:
     sent = [SPAN_S - 0.03, SPAN_S - 0.02, SPAN_S + 0.01, SPAN_S - 0.01, SPAN_S + 0.02]
     assert times(_Whole(parser), *sent) == pytest.approx(sent)
+
+
+def test_a_run_of_50_days_of_the_dsa_goes_on_without_a_gap() -> None:
+    faults = Faults()
+    parser, timeline = DsaParser(PALM.layout, faults, int(POLYNOMIAL, 16)), Timeline(faults)
+    table, cells = crc_table(int(POLYNOMIAL, 16)), cells_of(PALM.layout)[1]
+    for scan in range(20):
+        payload = struct.pack("<IB", (2**32 - 300 + 33 * scan) % 2**32, 0) + bytes(2 * cells)
+        [(t_s, values)] = parser.feed(dsa_frame(SCAN, payload, table))
+        assert timeline.place(Arrival(0.033 * scan, t_s, values)) == pytest.approx(4294966.996 + 0.033 * scan)
+    assert not faults.counts
+    assert not timeline.gaps
+
+
+def test_a_reading_that_is_a_signalling_nan_is_missing() -> None:
+    parser = FrameParser(Frame("AA55", type="float32", time="none", checksum="none"), 2, Faults(), timed=False)
+    [(_, values)] = parser.feed(bytes.fromhex("AA55 0000A07F 0000803F"))
+    assert values.tolist() == pytest.approx([float("nan"), 1.0], nan_ok=True)

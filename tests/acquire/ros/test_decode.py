@@ -87,3 +87,13 @@ def test_so_they_are_through_rosbridge() -> None:
     parser = RosbridgeParser(plain(6), kind_of("xela_server_ros2/SensStream"), faults, timed=True)
     ((t_s, values),) = parser.feed(json.dumps(sent).encode())
     assert (t_s, values.tolist(), dict(faults.counts)) == (1.0, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], {})
+
+
+def test_a_reading_that_is_a_signalling_nan_is_missing() -> None:
+    kind, number = "std_msgs/msg/Float32MultiArray", kind_of("std_msgs/Float32MultiArray")
+    assert number is not None
+    store = store_of(kind)
+    content = bytes(store.serialize_cdr(message(store, kind, 0.0, [np.array([0.0, 1.0])]), kind))
+    odd = content.replace(bytes(4) + np.float32(1.0).tobytes(), bytes.fromhex("0000A07F") + np.float32(1.0).tobytes())
+    _, [values] = Decoder(Topic("/m", kind, None, "cdr"), number).one(odd)
+    np.testing.assert_array_equal(values, [np.nan, 1.0])

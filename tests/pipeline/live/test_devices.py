@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import math
+import re
 import threading
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +23,10 @@ from taxelflow.acquire.devices.dsa import DsaParser
 from taxelflow.acquire.devices.frames import FrameParser
 from taxelflow.acquire.devices.inspire import ModbusHand
 from taxelflow.acquire.devices.line import LineParser, _plain, line_of
+from taxelflow.acquire.devices.rosbridge import RosbridgeParser
 from taxelflow.acquire.devices.xela import XelaParser
+from taxelflow.acquire.ros.kinds import kind_of
+from taxelflow.errors import TaxelCountWrong
 from taxelflow.pipeline.live.emulators.base import Fault, Playback
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
@@ -111,7 +117,7 @@ def test_all_registers_of_the_inspire_hand_are_read() -> None:
     _, values, arrived, _ = sent_and_received("inspire-modbus")
     seen = {tuple(row) for row in values.astype(int).tolist()}
     whole = [arrival for arrival in arrived if tuple(arrival.values.astype(int).tolist()) in seen]
-    assert len(whole) >= 3  # a scan may change while its nine answers are read
+    assert len(whole) >= 3  # a scan may change while its answers are read
     assert len(arrived[0].values) == 1062
 
 
@@ -126,6 +132,24 @@ def test_a_hand_of_fewer_readings_is_named_in_a_short_line(caplog: pytest.LogCap
     assert "connection lost: the hand has 48 of 1062 readings; connecting again" in {
         record.message for record in caplog.records
     }
+
+
+def test_the_inspire_hand_is_asked_for_one_pad_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    hand, asked = ModbusHand("127.0.0.1", free_port(), 1062, 50.0), []
+
+    def read(address: int, *, count: int) -> SimpleNamespace:
+        asked.append((address, count))
+        return SimpleNamespace(registers=[0xFFFF] * count, isError=lambda: False)
+
+    monkeypatch.setattr(hand._client, "read_holding_registers", read)
+    assert hand.receive() == b"\xff\xff" * 1062
+    assert asked[:4] == [(3000, 9), (3018, 96), (3210, 80), (3370, 9)]
+    assert asked[12:] == [(4480, 9), (4498, 96), (4690, 9), (4708, 96), (4900, 112)]
+
+
+def test_a_sensor_of_more_readings_than_the_inspire_hand_has_is_refused() -> None:
+    with pytest.raises(TaxelCountWrong, match="the hand has 1062 taxels per scan but sensor 'grid:40x40@3mm' has 1600"):
+        opened("inspire-modbus://127.0.0.1", load_sensor("grid:40x40@3mm"))
 
 
 def test_the_modbus_library_says_nothing_of_its_own(caplog: pytest.LogCaptureFixture) -> None:
@@ -173,6 +197,52 @@ def test_a_parser_takes_any_bytes_and_gives_whole_scans_only(name: str, pieces: 
     scans = [scan for piece in pieces for scan in parser.feed(piece)] + parser.end()
     logging.disable(logging.NOTSET)
     assert all(values.shape == (columns,) for _, values in scans)
+
+
+TOUCH = kind_of("tactile_msgs/TactileState")
+MESSAGES: dict[str, tuple[Any, Any]] = {
+    "xela": (lambda faults: XelaParser(48, faults), {"1": {"time": 1.5, "data": ",".join(["00FF"] * 48)}}),
+    "rosbridge": (
+        lambda faults: RosbridgeParser(PALM, TOUCH, faults, timed=True),
+        {
+            "op": "publish",
+            "msg": {"header": {"stamp": {"sec": 1, "nanosec": 2}}, "sensors": [{"name": "pad0", "values": [1.0] * 28}]},
+        },
+    ),
+}
+ODD = [b"null", b"[]", b"{}", b"true", b'"x"', b"-1", b"9" * 400, b'"%b"' % (b"F" * 400), b"[" * 3000, b"1e400", b","]
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+@given(place=st.integers(0, 60), odd=st.sampled_from(ODD) | st.binary(max_size=8), upto=st.integers(1, 300))
+def test_a_message_with_anything_in_it_is_a_scan_or_counted(name: str, place: int, odd: bytes, upto: int) -> None:
+    make, message = MESSAGES[name]
+    faults = Faults()
+    parser = make(faults)
+    whole = json.dumps(message).encode()
+    tokens = list(re.finditer(rb'"[^"]*"|[0-9.]+|[][{},:]|FF', whole))
+    token = tokens[place % len(tokens)]
+    logging.disable()
+    found = parser.feed(whole[: token.start()] + odd + whole[token.end() :]) + parser.feed(whole[:upto])
+    logging.disable(logging.NOTSET)
+    assert all(values.shape == (parser.feed(whole)[0][1].shape) for _, values in found)
+
+
+@pytest.mark.parametrize(
+    ("name", "was", "odd"),
+    [
+        ("xela", b"1.5", b"9" * 400),
+        ("xela", b"00FF", b"F" * 400),
+        ("xela", b"1.5", b"[" * 3000),
+        ("rosbridge", b"1.0", b"9" * 400),
+        ("rosbridge", b"1.0", b"[" * 3000),
+    ],
+)
+def test_a_number_beyond_any_range_is_a_bad_message(name: str, was: bytes, odd: bytes) -> None:
+    make, message = MESSAGES[name]
+    faults = Faults()
+    assert make(faults).feed(json.dumps(message).encode().replace(was, odd, 1)) == []
+    assert faults.counts == {"bad message": 1}
 
 
 @pytest.mark.parametrize(

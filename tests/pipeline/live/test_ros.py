@@ -19,6 +19,7 @@ from taxelflow.errors import AddressInvalid, TaxelflowError
 from taxelflow.pipeline.live.emulators.base import Playback
 from taxelflow.pipeline.live.loop import Limits
 from taxelflow.pipeline.live.ros2_sink import Ros2Types
+from taxelflow.publish.sinks.six_axes import over_skin
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
 
@@ -51,12 +52,12 @@ def test_messages_have_the_bytes_that_rosbags_gives_them() -> None:
     channel = known["sensor_msgs/msg/ChannelFloat32"]
     sensors = [channel("palm", np.array([1, 2], np.float32)), channel("thumb", np.array([3], np.float32))]
     assert ours == bytes(store.serialize_cdr(known[TOUCH](header, sensors), TOUCH))
-    twist = types.twist(3.0, np.array([0.1, 0.2, np.nan]), np.diag([1.0, 2.0, np.nan]))
-    assert twist.twist.covariance[35] == -1.0
+    twist = types.twist(3.0, *over_skin(np.array([0.1, 0.2, 0.3]), np.diag([1.0, 2.0, 3.0])))
     again = store_of("geometry_msgs/msg/TwistWithCovarianceStamped", "", "", "").deserialize_cdr(
         bytes(twist.serialize()), "geometry_msgs/msg/TwistWithCovarianceStamped"
     )
-    assert (again.twist.twist.linear.x, again.header.frame_id) == (0.1, "hand")  # type: ignore[attr-defined]
+    assert (again.twist.twist.angular.z, again.header.frame_id) == (0.3, "hand")  # type: ignore[attr-defined]
+    assert again.twist.covariance.reshape(6, 6).diagonal().tolist() == [1, 2, 1e6, 1e6, 1e6, 3]  # type: ignore[attr-defined]
 
 
 @pytest.mark.long

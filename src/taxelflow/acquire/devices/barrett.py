@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -185,9 +186,10 @@ class CanBus:
 
     def close(self) -> None:
         """See `Transport`."""
-        if self._bus is not None:
-            self._bus.shutdown()
-            self._bus = None
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            with suppress(OSError, self._can.CanError):  # an adapter that was pulled
+                bus.shutdown()
 
     def shut(self) -> None:
         """See `Transport`."""

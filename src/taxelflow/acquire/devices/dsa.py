@@ -16,6 +16,7 @@ from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.devices.frames import crc_table
 from taxelflow.acquire.devices.serial import BAUD, SerialLine
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource
+from taxelflow.acquire.devices.wrapping import WrappingClock
 from taxelflow.errors import AddressInvalid
 from taxelflow.sensors.catalogue import load_sensor
 
@@ -32,12 +33,16 @@ RUN_LENGTHS = 0x01
 """Flag: the readings are run-length encoded."""
 _ACQUIRES = 0x80
 """Flag: scans are sent continuously."""
-_LONGEST = 8192
-"""Bytes of a message at most: a larger length is a damaged one."""
+_SCAN_HEAD = 5
+"""Bytes of a scan before its readings: time and flags."""
+_LONGEST_REPLY = 256
+"""Bytes at most of a message that is no scan."""
 POLYNOMIAL = "8408"
 """CRC-16-CCITT, reversed: an assumption."""
 _MOST = 0xFFFF
 """Largest number of 16 bits."""
+_CLOCK_MS = 2.0**32
+"""Range of the controller's clock, 49.7 days."""
 _RATE = 30
 """Default scan rate, Hz."""
 
@@ -73,10 +78,12 @@ class DsaParser:
     def __init__(self, layout: Layout, faults: Faults, polynomial: int) -> None:
         self._taxel_cells, self._cells = cells_of(layout)
         self._faults, self._table = faults, crc_table(polynomial)
+        self._longest = max(_SCAN_HEAD + 2 * self._cells, _LONGEST_REPLY)  # scans that follow would wait for more
+        self._clock = WrappingClock(_CLOCK_MS)
         self.restart()
 
     def restart(self) -> None:
-        """See `Parser`."""
+        """See `Parser`; the device's clock may have gone on all the same."""
         self._buffer = bytearray()
 
     def end(self) -> list[tuple[float | None, Floats]]:
@@ -111,8 +118,8 @@ class DsaParser:
             if at < 0 or len(buffer) < 6:
                 return None
             number, size = struct.unpack_from("<BH", buffer, 3)
-            if size > _LONGEST:
-                self._faults.count("bad frame", f"a length of {size}")
+            if size > self._longest:
+                self._faults.count("bad frame", f"a length of {size}, {self._longest} at most of {self._cells} cells")
                 del buffer[:1]
                 continue
             whole = 6 + size + (2 if size else 0)
@@ -128,15 +135,15 @@ class DsaParser:
             return number, payload
 
     def _scan(self, payload: bytes) -> tuple[float, Floats] | None:
-        if len(payload) < 5 or len(payload) % 2 == 0:
+        if len(payload) < _SCAN_HEAD or len(payload) % 2 == 0:
             return None
         t_ms, flags = struct.unpack_from("<IB", payload)
-        words = np.frombuffer(payload, "<u2", offset=5)
+        words = np.frombuffer(payload, "<u2", offset=_SCAN_HEAD)
         if flags & RUN_LENGTHS:
             words = np.repeat(words & 0xFFF, words >> 12)
         if len(words) != self._cells:
             return None
-        return 1e-3 * t_ms, words[self._taxel_cells].astype(np.float64)
+        return 1e-3 * self._clock.unwrapped(float(t_ms)), words[self._taxel_cells].astype(np.float64)
 
 
 class _DsaLine(SerialLine):

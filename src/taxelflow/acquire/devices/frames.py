@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from taxelflow.acquire.devices.wrapping import WrappingClock
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -25,8 +27,6 @@ class _Clock(NamedTuple):
     wraps: float
 
 
-_EDGE = 0.1
-"""A clock wraps from the last to the first tenth of its range; from elsewhere it was set back."""
 _CLOCKS = {
     "uint32_ms": _Clock("u4", 1e-3, 2.0**32),
     "uint32_us": _Clock("u4", 1e-6, 2.0**32),
@@ -101,7 +101,7 @@ class FrameParser:
 
     def __init__(self, frame: Frame, columns: int, faults: Faults, *, timed: bool) -> None:
         self._form, self._faults, self._timed = FrameForm(frame, columns), faults, timed
-        self._wraps, self._last_ticks = 0, 0.0
+        self._clock = WrappingClock(self._form.clock.wraps if self._form.clock else 0.0)
         self.restart()
 
     def restart(self) -> None:
@@ -143,17 +143,9 @@ class FrameParser:
 
     def _scan(self, content: bytes) -> tuple[float | None, Floats]:
         form = self._form
-        values = np.frombuffer(content, form.number, offset=form.time_bytes).astype(np.float64)
+        with np.errstate(invalid="ignore"):  # a signalling NaN is a missing reading like any other
+            values = np.frombuffer(content, form.number, offset=form.time_bytes).astype(np.float64)
         if form.time is None or form.clock is None or not self._timed:
             return None, values
         ticks = float(np.frombuffer(content, form.time, 1)[0])
-        return self._unwrapped(ticks, form.clock.wraps) * form.clock.unit_s, values
-
-    def _unwrapped(self, ticks: float, span: float) -> float:
-        """Ticks with all wraps of the clock added. A frame that arrives after a later one may be from before a wrap."""
-        low, high = _EDGE * span, (1.0 - _EDGE) * span
-        if span and self._wraps and self._last_ticks < low and ticks >= high:
-            return (self._wraps - 1) * span + ticks
-        self._wraps += bool(span) and self._last_ticks >= high and ticks < low
-        self._last_ticks = ticks
-        return self._wraps * span + ticks
+        return self._clock.unwrapped(ticks) * form.clock.unit_s, values

@@ -1,6 +1,8 @@
 """Inspire RH56DFTP by Modbus TCP: `inspire-modbus://HOST:6000?rate=50`.
 
-Readings are int16 in the holding registers from 3000 on, whose addresses count bytes. Tested against an emulator only.
+Readings are int16 in the holding registers from 3000 on, whose addresses count bytes. They are read pad by pad, as the
+maker's library does: no source states that a hand answers a request for parts of two pads. Tested against an emulator
+only.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import numpy as np
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource, need_sensor
-from taxelflow.errors import ExtraMissing
+from taxelflow.errors import ExtraMissing, TaxelCountWrong
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,8 +28,10 @@ if TYPE_CHECKING:
 
 PORT, FIRST, BYTES = 6000, 3000, 2
 """Modbus: default port, first register of the readings, and step of the addresses per reading."""
-_MOST = 125
-"""Registers that Modbus gives in one answer."""
+PADS = (*4 * (9, 96, 80), 9, 96, 9, 96, 112)
+"""Readings of each pad: tip, top and palm of four fingers; tip, top, middle and palm of the thumb; the palm. Modbus
+gives up to 125 in one answer.
+"""
 
 
 class ModbusHand:
@@ -58,7 +62,7 @@ class ModbusHand:
         return True
 
     def receive(self) -> bytes:
-        """See `Transport`."""
+        """See `Transport`. A scan is read in one call, its pads one after the other."""
         left = self._due_s - time.monotonic()
         if left > POLL_S:
             time.sleep(POLL_S)
@@ -66,21 +70,25 @@ class ModbusHand:
         time.sleep(max(0.0, left))
         self._due_s = max(self._due_s, time.monotonic() - self._period_s) + self._period_s
         registers: list[int] = []
-        while len(registers) < self._values:
-            count = min(_MOST, self._values - len(registers))
-            try:
-                with _unheard():
-                    answer = self._client.read_holding_registers(FIRST + BYTES * len(registers), count=count)
-            except self._fault as error:
-                raise ConnectionError(str(error)) from error
-            if answer.isError():
-                raise ConnectionError(f"the hand answers {answer}")
-            if len(answer.registers) != count:
-                raise ConnectionError(
-                    f"the hand has {len(registers) + len(answer.registers)} of {self._values} readings"
-                )
-            registers += answer.registers
+        for count in PADS:
+            if len(registers) == self._values:
+                break
+            registers += self._read(len(registers), min(count, self._values - len(registers)))
         return np.array(registers, np.uint16).tobytes()
+
+    def _read(self, first: int, count: int) -> list[int]:
+        """Readings from a first one on. Raises ConnectionError."""
+        try:
+            with _unheard():
+                answer = self._client.read_holding_registers(FIRST + BYTES * first, count=count)
+        except self._fault as error:
+            raise ConnectionError(str(error)) from error
+        if answer.isError():
+            raise ConnectionError(f"the hand answers {answer}")
+        registers: list[int] = answer.registers
+        if len(registers) != count:
+            raise ConnectionError(f"the hand has {first + len(registers)} of {self._values} readings")
+        return registers
 
     def close(self) -> None:
         """See `Transport`."""
@@ -122,9 +130,13 @@ class _Int16:
 
 
 def connect(address: Address, sensor: Sensor | None) -> ByteSource:
-    """`inspire-modbus://HOST:PORT?rate=50`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
+    """`inspire-modbus://HOST:PORT?rate=50`. Raises AddressInvalid, SensorNeeded, TaxelCountWrong,
+    ExtraMissing.
+    """
     address.check_options((*STREAM_OPTIONS, "rate"))
     sensor = need_sensor(address, sensor)
+    if sensor.channel_map.columns > sum(PADS):
+        raise TaxelCountWrong("the hand", sum(PADS), sensor.name, sensor.channel_map.columns)
     rate_hz = address.number("rate", 50.0, 0.1)
     hand = ModbusHand(address.host or "127.0.0.1", address.port or PORT, sensor.channel_map.columns, rate_hz)
     return ByteSource(address, sensor, hand, _Int16(), Faults())

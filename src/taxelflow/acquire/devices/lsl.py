@@ -135,10 +135,9 @@ class LslParser:
 
     def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
         """See `Parser`."""
-        channels, *_ = numbers = np.frombuffer(received)
-        if channels != self._columns:
-            seen = f"{channels:.0f} channels, {self._columns} expected"
-            self._faults.count("bad message", seen)
+        numbers = np.frombuffer(received)
+        if numbers[0] != self._columns:
+            self._faults.count("bad message", f"{numbers[0]:.0f} channels, {self._columns} expected")
             return []
         rows = numbers[1:].reshape(-1, self._columns + 1)
         return [(float(row[0]) if self._timed else None, row[1:]) for row in rows]

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
 from taxelflow.acquire.devices.streams import LINE_OPTIONS, TIMEOUT_S, ByteSource, need_sensor, parser_of
 from taxelflow.errors import ExtraMissing
+
+try:
+    from termios import error as _termios_error
+except ImportError:  # Windows
+    _FAULTS: tuple[type[Exception], ...] = (ValueError,)
+else:
+    _FAULTS = (ValueError, _termios_error)
 
 if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
@@ -40,8 +48,8 @@ class SerialLine:
             self._port = self._serial.serial_for_url(
                 self._device, baudrate=self._baud, timeout=POLL_S, exclusive=True if self._is_file else None
             )
-        except ValueError as error:  # a URL or rate that pyserial does not know
-            raise OSError(str(error)) from error
+        except _FAULTS as error:  # a URL or rate that pyserial does not know; pulled as it opened
+            raise OSError(str(error.args[-1])) from error
         return True
 
     def receive(self) -> bytes:
@@ -59,9 +67,10 @@ class SerialLine:
 
     def close(self) -> None:
         """See `Transport`."""
-        if self._port is not None:
-            self._port.close()
-            self._port = None
+        port, self._port = self._port, None
+        if port is not None:
+            with suppress(OSError):  # a device that was pulled
+                port.close()
 
     def shut(self) -> None:
         """See `Transport`."""

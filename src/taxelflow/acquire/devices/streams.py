@@ -51,7 +51,7 @@ class Transport(Protocol):
         """Bytes that have come, none after `POLL_S`. Raises Ended, and OSError if the connection is lost."""
 
     def close(self) -> None:
-        """Close the connection, so that it can be opened again."""
+        """Close the connection, if there is one, so that it can be opened again. Raises nothing."""
 
     def shut(self) -> None:
         """Close all."""
@@ -87,13 +87,21 @@ class ByteSource:
         backoff, began = Backoff(), time.monotonic()
         while True:
             try:
-                return self._transport.open()
+                return self._opened()
             except OSError as error:
                 if time.monotonic() - began >= self._wait_s:
                     raise SourceUnreachable(self._address.url, words(error), self._wait_s) from error
                 self.faults.count("cannot connect", f"{words(error)}; trying again")
                 for _ in backoff.pause():
                     pass
+
+    def _opened(self) -> bool:
+        """Connect; nothing stays open of what fails half-way, or the next attempt would find it in use."""
+        try:
+            return self._transport.open()
+        except OSError:
+            self._transport.close()
+            raise
 
     def __exit__(self, *_details: object) -> None:
         self._transport.shut()
@@ -102,7 +110,7 @@ class ByteSource:
         backoff = Backoff()
         while True:
             try:
-                self._open = self._open or self._transport.open()
+                self._open = self._open or self._opened()
                 if not self._open:
                     yield None
                     continue

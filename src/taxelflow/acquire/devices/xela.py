@@ -47,14 +47,14 @@ class XelaParser:
             if not sensors:  # a welcome
                 return []
             numbers = [int(number, 16) for one in sensors for number in one["data"].split(",")]
-            t_s = float(sensors[0]["time"])
-        except (msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
-            self._faults.count("bad message", str(error)[:80])
+            t_s, values = float(sensors[0]["time"]), np.array(numbers, np.float64)
+        except Exception as error:  # a damaged message may be anything
+            self._faults.count("bad message", f"{type(error).__name__}: {str(error)[:80]}")
             return []
-        if len(numbers) != self._columns or not math.isfinite(t_s):
-            self._faults.count("bad message", f"{len(numbers)} numbers, {self._columns} expected")
+        if len(values) != self._columns or not math.isfinite(t_s):
+            self._faults.count("bad message", f"{len(values)} numbers, {self._columns} expected")
             return []
-        return [(t_s, np.array(numbers, np.float64))]
+        return [(t_s, values)]
 
 
 def connect(address: Address, sensor: Sensor | None) -> ByteSource:

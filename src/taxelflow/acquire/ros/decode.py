@@ -44,7 +44,8 @@ class Decoder:
         if len(content) > MOST_MESSAGE_BYTES:
             raise ValueError(f"it has {len(content)} bytes, and may have {MOST_MESSAGE_BYTES}")
         stamp, parts = self._fields(content)
-        return stamp, [part.astype(np.float64) for part in parts]
+        with np.errstate(invalid="ignore"):  # a signalling NaN is a missing reading like any other
+            return stamp, [part.astype(np.float64) for part in parts]
 
     def named(self, content: bytes) -> tuple[float, list[str], list[float]]:
         """Stamp in s, names and readings of a message with a field `name`."""

@@ -29,6 +29,8 @@ _FLUSH_S = 0.5
 """Time between chunks on disk: half of what may be lost when the process is killed."""
 _DRAWN_S = 1 / 30
 """Shortest time between pictures."""
+_NO_SCHEMA = 0
+"""Number of MCAP for what describes itself; `rosbags` opens no file with another schema than those of ROS."""
 _NUMBER = {"type": ["number", "null"]}
 _SCHEMAS = {
     "/slips": ("taxelflow.Slips", {"t_s": {"type": "number"}, "pads": {"type": "object"}}),
@@ -157,6 +159,8 @@ class McapSink:
 
     def _register(self, topic: str) -> int:
         writer = self._scans.writer
+        if topic in _SCHEMAS and not self._wants_drawing:
+            return writer.register_channel(topic, "json", _NO_SCHEMA)
         if topic in _SCHEMAS:
             name, properties = _SCHEMAS[topic]
             schema = json.dumps({"title": name, "type": "object", "properties": properties}).encode()

@@ -1,6 +1,7 @@
 """Results to ROS 2 without ROS, by cyclonedds: `ros2:`. Experimental.
 
-/taxelflow/object: geometry_msgs/TwistWithCovarianceStamped, the object's motion where it is known, in the frame `hand`.
+/taxelflow/object: geometry_msgs/TwistWithCovarianceStamped, the object's motion where it is known, in the frame `hand`;
+unknown axes as in `six_axes`.
 /taxelflow/object3d: the same in space, and /taxelflow/pose3d: geometry_msgs/PoseWithCovarianceStamped, since first
 contact, where pads have places in space.
 /taxelflow/scans: tactile_msgs/TactileState, a channel for each pad. /taxelflow/events: std_msgs/String, JSON.
@@ -18,14 +19,13 @@ from taxelflow.acquire.ros.decode import store_of
 from taxelflow.acquire.ros.kinds import kind_of
 from taxelflow.numerics.clock import nanoseconds
 from taxelflow.publish.sinks.lines import event_row
+from taxelflow.publish.sinks.six_axes import over_skin, usable
 
 if TYPE_CHECKING:
-    from taxelflow.messages import RawScans, SpatialMotions
+    from taxelflow.messages import Floats, RawScans, SpatialMotions
     from taxelflow.publish.sinks.base import Ending, Head, Update
     from taxelflow.runtime.addresses import Address
 
-_PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
-"""Rows and columns of x, y and the rotation about z in a covariance of 6 x 6."""
 _LAST_S = 2.0**31 - 1.0
 """Latest time of a header: its seconds have 32 bits."""
 
@@ -60,29 +60,22 @@ class Ros2Types:
         sensors = [channel(name=name, values=values) for name, values in channels.items()]
         return self.touch_type(header=self.header(t_s), sensors=sensors)
 
-    def twist(self, t_s: float, velocity: np.ndarray, covariance: np.ndarray) -> Any:
-        """A geometry_msgs/TwistWithCovarianceStamped from (3,) and (3, 3); unknown numbers are 0 with variance -1."""
-        six, whole = np.zeros(6), np.zeros((6, 6))
-        six[[0, 1, 5]], whole[_PLANAR] = velocity, covariance
-        return self.twist_in_space(t_s, six, whole)
-
-    def twist_in_space(self, t_s: float, velocity: np.ndarray, covariance: np.ndarray) -> Any:
-        """The same from (6,) and (6, 6)."""
+    def twist(self, t_s: float, velocity: Floats, covariance: Floats) -> Any:
+        """A geometry_msgs/TwistWithCovarianceStamped from (6,) and (6, 6), NaN where unknown."""
         vector = self["geometry_msgs/msg/Vector3"]
-        whole = np.nan_to_num(covariance)
-        for place in np.flatnonzero(np.isnan(velocity)):
-            whole[place, place] = -1.0
-        vx, vy, vz, wx, wy, wz = np.nan_to_num(velocity).tolist()
+        velocity, whole = usable(velocity, covariance)
+        vx, vy, vz, wx, wy, wz = velocity.tolist()
         twist = self["geometry_msgs/msg/Twist"](linear=vector(x=vx, y=vy, z=vz), angular=vector(x=wx, y=wy, z=wz))
         known = self["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=whole.ravel().tolist())
         return self.twist_type(header=self.header(t_s), twist=known)
 
-    def pose(self, t_s: float, pose: np.ndarray, covariance: np.ndarray) -> Any:
-        """A geometry_msgs/PoseWithCovarianceStamped from (7,), see `SpatialMotions`, and (6, 6)."""
+    def pose(self, t_s: float, pose: Floats, covariance: Floats) -> Any:
+        """A geometry_msgs/PoseWithCovarianceStamped from (7,), see `SpatialMotions`, and (6, 6), NaN where unknown."""
+        _, whole = usable(np.zeros(6), covariance)
         x, y, z, qx, qy, qz, qw = pose.tolist()
         point, turn = self["geometry_msgs/msg/Point"], self["geometry_msgs/msg/Quaternion"]
         placed = self["geometry_msgs/msg/Pose"](position=point(x=x, y=y, z=z), orientation=turn(x=qx, y=qy, z=qz, w=qw))
-        known = self["geometry_msgs/msg/PoseWithCovariance"](pose=placed, covariance=covariance.ravel().tolist())
+        known = self["geometry_msgs/msg/PoseWithCovariance"](pose=placed, covariance=whole.ravel().tolist())
         return self.pose_type(header=self.header(t_s), pose=known)
 
     def text(self, content: object) -> Any:
@@ -131,7 +124,8 @@ class Ros2Sink:
         motions = update.motions
         for scan, t_s in enumerate(motions.t_s.tolist()):
             if np.isfinite(motions.velocity[scan, :2]).all():
-                self._object.write(self._types.twist(t_s, motions.velocity[scan], motions.velocity_covariance[scan]))
+                moved = over_skin(motions.velocity[scan], motions.velocity_covariance[scan])
+                self._object.write(self._types.twist(t_s, *moved))
         if update.spatial is not None:
             self._write_spatial(update.spatial)
         for event in update.events:
@@ -141,7 +135,7 @@ class Ros2Sink:
         for scan, t_s in enumerate(motions.t_s.tolist()):
             twist, pose = motions.twist[scan], motions.pose[scan]
             if np.isfinite(twist).any():
-                self._object3d.write(self._types.twist_in_space(t_s, twist, motions.twist_covariance[scan]))
+                self._object3d.write(self._types.twist(t_s, twist, motions.twist_covariance[scan]))
             if np.isfinite(pose).all():
                 self._pose3d.write(self._types.pose(t_s, pose, motions.pose_covariance[scan]))
 

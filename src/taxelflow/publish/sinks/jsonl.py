@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _MOST_WAITING = 1 << 20
 """Bytes held for a client that does not read; lines that would be more are dropped."""
+_MOST_CLIENTS = 64
+"""Clients at a time: each is a file of the process, of which a system allows some hundreds."""
 _LINGER_S = 1.0
 """Time for the last lines to reach clients at the end."""
 _STDOUT = 1
@@ -160,9 +162,14 @@ class JsonServer(ResultSink):
         self._server.close()
 
     def _accept(self) -> None:
-        with suppress(BlockingIOError):
+        with suppress(OSError):  # nobody waits, or who did has gone
             while True:
-                self._clients.append(_Client(self._server.accept()[0]))
+                connected = self._server.accept()[0]
+                if len(self._clients) < _MOST_CLIENTS:
+                    self._clients.append(_Client(connected))
+                else:
+                    connected.close()
+                    self._report("a client is refused", f"{_MOST_CLIENTS} are connected")
 
     def _send(self) -> None:
         for client in list(self._clients):

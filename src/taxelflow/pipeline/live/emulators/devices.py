@@ -207,7 +207,7 @@ class _ModbusServer(socketserver.ThreadingTCPServer):
 
 
 class Inspire:
-    """A Modbus TCP server that answers reads of holding registers from the last scan."""
+    """A Modbus TCP server that answers reads of holding registers of one pad from the last scan."""
 
     def __init__(self, address: Address, sensor: Sensor) -> None:
         self._place = address.host or "127.0.0.1", inspire.PORT if address.port is None else address.port
@@ -221,9 +221,7 @@ class Inspire:
             def handle(self) -> None:
                 while len(head := self.rfile.read(12)) == 12:
                     number, _, _, unit, function, first, count = struct.unpack(">HHHBBHH", head)
-                    start = (first - inspire.FIRST) // inspire.BYTES
-                    values = hand._registers[start : start + count].astype(">i2").tobytes()
-                    body = struct.pack(">BBB", unit, function, len(values)) + values
+                    body = struct.pack(">BB", unit, function) + hand._answer(first, count)
                     self.wfile.write(struct.pack(">HHH", number, 0, len(body)) + body)
                     hand._read.set()
 
@@ -235,6 +233,14 @@ class Inspire:
     def __exit__(self, *_details: object) -> None:
         self._server.shutdown()
         self._server.server_close()
+
+    def _answer(self, first: int, count: int) -> bytes:
+        """Readings from a register on, up to the end of its pad, after the number of their bytes."""
+        start = (first - inspire.FIRST) // inspire.BYTES
+        ends = [end for end in np.cumsum(inspire.PADS).tolist() if end > start]
+        end = min([start + count, *ends[:1]])
+        values = self._registers[start:end].astype(">i2").tobytes()
+        return struct.pack(">B", len(values)) + values
 
     def wait(self) -> None:
         """See `Emulator`."""
