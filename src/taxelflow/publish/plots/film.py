@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.hand import draw_hand
 from taxelflow.publish.plots.outlines import extent_mm, outlines
-from taxelflow.publish.plots.style import BLUE, GREEN, GREY, INK, MAGENTA, SLIP, VERMILION, plain
+from taxelflow.publish.plots.style import BLUE, GREEN, GREY, INK, MAGENTA, SLIP, VERMILION
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -121,7 +121,7 @@ def _sheet(film: Film) -> tuple[Figure, Axes, Axes, Axes]:
     hand = figure.add_axes((0.02, 1.85 / height, wide / width, high / height))
     words = figure.add_axes(((wide + 0.25) / width, 1.85 / height, 2.5 / width, high / height))
     load = figure.add_axes((0.75 / width, 0.5 / height, 1 - 1.0 / width, 1.15 / height))
-    figure.text(0.02, 1 - 0.12 / height, plain(film.title), fontweight="bold", ha="left", va="top")
+    figure.text(0.02, 1 - 0.12 / height, film.title, fontweight="bold", ha="left", va="top")
     draw_hand(hand, film.layout, None)
     hand.set_xlim(box[0], box[1])
     hand.set_ylim(box[2], box[3])
@@ -149,7 +149,7 @@ def draw_load(axis: Axes, film: Film) -> None:
     for pad, colour in zip(busiest, _COLOURS, strict=False):
         name, share = film.layout.pads[pad], film.load[:, pad] / most
         if name in touched or np.nanmax(share, initial=0.0) > _LAYOUT.idle:
-            axis.plot(t_s, 100 * share, color=colour, linewidth=1.0, label=plain(name))
+            axis.plot(t_s, 100 * share, color=colour, linewidth=1.0, label=name)
     axis.set_xlim(film.frames_s[0] - film.zero_s, max(film.frames_s[-1], film.frames_s[0] + 1e-3) - film.zero_s)
     axis.set_ylim(-4, 108)
     axis.set_ylabel("load in %")
@@ -238,7 +238,7 @@ class _Moving:
 
 def _words(event: Event, zero_s: float) -> str:
     speed = f"  {1e3 * event.speed_m_s:.0f} mm/s" if np.isfinite(event.speed_m_s) else ""
-    return f"{event.t_s - zero_s:7.2f} s  {plain(event.pad)}\n{'':12}{event.event.replace('_', ' ')}{speed}"
+    return f"{event.t_s - zero_s:7.2f} s  {event.pad}\n{'':12}{event.event.replace('_', ' ')}{speed}"
 
 
 def on_hand(layout: Layout, pad: int) -> Floats:

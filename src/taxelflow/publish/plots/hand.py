@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.numerics.geometry import transform
 from taxelflow.publish.plots.outlines import outlines
-from taxelflow.publish.plots.style import BLUE, GREY, INK, MAGENTA, VERMILION, caption, plain
+from taxelflow.publish.plots.style import BLUE, GREY, INK, MAGENTA, VERMILION, caption
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -80,7 +80,7 @@ def field_figure(layout: Layout, methods: Mapping[str, Sequence[Moment]], seen: 
         axis.set_xlabel("x in mm\n" + _numbers(moment))
         axis.xaxis.set_major_locator(MaxNLocator(5, prune="both"))
     for axis, method in zip(axes[:, 0], methods, strict=True):
-        axis.set_ylabel(f"{plain(method)}\ny in mm" if len(methods) > 1 else "y in mm")
+        axis.set_ylabel(f"{method}\ny in mm" if len(methods) > 1 else "y in mm")
     caption(figure, f"{seen} The longest vector is {1e3 * fastest:.3g} mm/s.", int(14 * across * wide))
     return figure
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.outlines import extent_mm, outlines
-from taxelflow.publish.plots.style import BLUE, GREY, INK, VERMILION, caption, plain
+from taxelflow.publish.plots.style import BLUE, GREY, INK, VERMILION, caption
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -83,7 +83,7 @@ def _panels(contacts: Sequence[_Contact], layout: Layout) -> Figure:
         axis.set_ylim((low + top - 1.1 * high) / 2, (low + top + 1.1 * high) / 2)
         axis.set_axis_off()
         title = f"{contact.t_s[0] - start_s:.1f} s  {contact.path_mm:.0f} mm"
-        axis.set_title(f"{plain(contact.track.pad)}\n{title}", fontsize=6.5, fontweight="normal", pad=2)
+        axis.set_title(f"{contact.track.pad}\n{title}", fontsize=6.5, fontweight="normal", pad=2)
     few = len(chosen) < len(contacts)
     count = (
         f"The {len(chosen)} of {len(contacts)} contacts that slip farthest" if few else f"All {len(chosen)} contacts"
@@ -131,7 +131,7 @@ def _overlaid(tracks: Sequence[Track], layout: Layout) -> Figure:
             linewidths=0,
             zorder=3,
         )
-        axis.set_title(plain(track.pad))
+        axis.set_title(track.pad)
         axis.set_xlabel("x in mm")
     axes[0, 0].set_ylabel("y in mm")
     if dots is not None:

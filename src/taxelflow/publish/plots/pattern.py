@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.publish.plots.outlines import extent_mm, outlines
 from taxelflow.publish.plots.path import draw_pad
-from taxelflow.publish.plots.style import GREY, INK, MAGENTA, VERMILION, caption, plain
+from taxelflow.publish.plots.style import GREY, INK, MAGENTA, VERMILION, caption
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,7 +93,7 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
         _draw_bar(axis, box, colour)
     upper.colorbar(shades, ax=axes[-2], label=f"pressure in {unit}", shrink=0.8, pad=0.03).outline.set_visible(False)
     upper.colorbar(dots, ax=axes[-1], label="time in s", shrink=0.8, pad=0.03).outline.set_visible(False)
-    figure.suptitle(plain(_title(contact)), x=0.01, ha="left", fontweight="bold", fontsize=11)
+    figure.suptitle(_title(contact), x=0.01, ha="left", fontweight="bold", fontsize=11)
     marks = "; marks: direction of the pattern's long axis" if turned else ""
     true = "; black line: true path" if contact.true is not None else ""
     caption(figure, f"Grey: not observed{marks}{true}.", int(14 * figure.get_figwidth()))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.publish.plots.pattern import SHOWN
-from taxelflow.publish.plots.style import INK, caption, plain
+from taxelflow.publish.plots.style import INK, caption
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,7 +58,7 @@ def patterns_figure(patterns: Sequence[LearnedPattern], unit: str) -> Figure:
         axis.set_aspect("equal")
         peak = f"{top / 1e3:.3g} kPa" if unit == "Pa" and top > 2e3 else f"{top:.3g} {unit}"
         axis.set_title(
-            f"{plain(one.pad)}\n{one.t_first_s - start_s:.1f} s, {one.scans} scans\npeak {peak}",
+            f"{one.pad}\n{one.t_first_s - start_s:.1f} s, {one.scans} scans\npeak {peak}",
             fontsize=6.5, fontweight="normal", color=INK, pad=2,
         )  # fmt: skip
     count = f"{len(chosen)} of {len(patterns)}" if len(chosen) < len(patterns) else f"All {len(chosen)}"

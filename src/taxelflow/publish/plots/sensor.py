@@ -12,7 +12,7 @@ from taxelflow.publish.plots.names import WIDE, free_places, write_names
 from taxelflow.publish.plots.outlines import outlines
 from taxelflow.publish.plots.packing import NAME, packed
 from taxelflow.publish.plots.solid import draw_faces, faces, frame
-from taxelflow.publish.plots.style import BLUE, GREY, INK, TINTS, VERMILION, caption, pale, plain, tick_step, wrapped
+from taxelflow.publish.plots.style import BLUE, GREY, INK, TINTS, VERMILION, caption, pale, tick_step, wrapped
 from taxelflow.sensors.pad_geometry import geometry_of
 from taxelflow.sensors.triangulation import nearest_m
 
@@ -98,7 +98,7 @@ def _drawn(flat: _Flat, tints: list[str]) -> tuple[Figure, Axes]:
     side = float(np.clip(tall, 4.0, 6.0))
     beside = flat.curved and not crowded
     width = max(wide + 0.8 + (side if beside else 0.0), 5.5)
-    words = plain(_words(flat, crowded))
+    words = _words(flat, crowded)
     letters = int(17.0 * width)
     below = (side if flat.curved else 0.6 * tall) if crowded else 0.0
     height = max(tall, side if beside else 0.0) + below + 1.0 + 0.15 * len(wrapped(words, letters))
@@ -118,7 +118,7 @@ def _drawn(flat: _Flat, tints: list[str]) -> tuple[Figure, Axes]:
     if flat.curved:
         _draw_space(figure.add_subplot(grid[-1, -1], projection="3d"), flat.sensor, tints)
     title = f"{flat.sensor.name}: {layout.taxels} taxels in {layout.pad_count} pad{'s' if layout.pad_count > 1 else ''}"
-    figure.suptitle(plain(title), x=0.01, ha="left", fontweight="bold")
+    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     caption(figure, words, letters)
     figure.draw_without_rendering()  # lays it out: now a mm has a length on paper
     return figure, axis
@@ -231,7 +231,7 @@ def _draw_names(axis: Axes, flat: _Flat, tints: list[str], points_per_mm: float)
         name, wide = names[pad][common:], float(np.ptp(shape[..., 0]))
         size = min(9.0, 0.9 * wide * points_per_mm / (WIDE * len(name)))
         look: dict[str, Any] = {"fontsize": size, "fontweight": "bold", "color": INK, "ha": "center", "va": "center"}
-        axis.annotate(plain(name), shape.mean(axis=(0, 1)).tolist(), **look)
+        axis.annotate(name, shape.mean(axis=(0, 1)).tolist(), **look)
     axis.set_title("pads")
 
 

@@ -6,6 +6,7 @@ import math
 import textwrap
 import warnings
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.errors import ExtraMissing
@@ -13,9 +14,10 @@ from taxelflow.runtime.whole_file import whole_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
     from matplotlib.figure import Figure
+
+_SHEET = Path(__file__).with_name("pictures.mplstyle")
 
 BLUE, VERMILION, GREEN, MAGENTA, GREY, INK = "#0072b2", "#d55e00", "#009e73", "#cc2fa0", "#9aa0a6", "#202124"
 """Okabe and Ito's colours; the paper marks its maximum in magenta."""
@@ -46,37 +48,10 @@ def styled() -> Iterator[None]:
     except ImportError as error:
         raise ExtraMissing("plot", "matplotlib") from error
     mpl.use("Agg")  # pictures are files; no window is needed
-    settings: Any = {
-        "font.size": 9.0,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.edgecolor": GREY,
-        "axes.labelcolor": INK,
-        "axes.titlesize": 10.0,
-        "axes.titleweight": "bold",
-        "axes.titlelocation": "left",
-        "xtick.color": INK,
-        "ytick.color": INK,
-        "axes.grid": True,
-        "grid.color": "#e8eaed",
-        "grid.linewidth": 0.6,
-        "axes.axisbelow": True,
-        "legend.frameon": False,
-        "figure.dpi": 110,
-        "savefig.dpi": 160,
-        "savefig.bbox": "tight",
-        "svg.hashsalt": "taxelflow",  # the same result gives the same file
-        "svg.fonttype": "none",
-    }
-    with mpl.rc_context(settings), warnings.catch_warnings():
+    with mpl.rc_context(fname=_SHEET), warnings.catch_warnings():
         # An svg keeps letters as text, for fonts of the reader; elsewhere a box stands for one that the font lacks.
         warnings.filterwarnings("ignore", message=r"Glyph \d+ .* missing from")
         yield
-
-
-def plain(text: str) -> str:
-    """Text in which a dollar is a dollar, and no formula begins."""
-    return text.replace("$", r"\$")
 
 
 def tick_step(extent: float, count: float) -> float:

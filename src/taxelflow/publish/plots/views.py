@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.publish.plots.style import GREY, INK, MAGENTA, VERMILION, plain
+from taxelflow.publish.plots.style import GREY, INK, MAGENTA, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +23,7 @@ def views_figure(title: str, pressure: Floats, unit: str, convolution: Floats, s
     import matplotlib.pyplot as plt
 
     figure = plt.figure(figsize=(10.5, 3.9))
-    figure.suptitle(plain(title), x=0.02, ha="left", fontweight="bold")
+    figure.suptitle(title, x=0.02, ha="left", fontweight="bold")
     _draw_bars(figure.add_axes((0.0, 0.0, 0.36, 0.88), projection="3d"), pressure)
     _draw_convolution(figure.add_axes((0.43, 0.13, 0.24, 0.68)), convolution)
     _draw_vector(figure.add_axes((0.71, 0.11, 0.27, 0.70)), slip_mm)
