@@ -46,7 +46,7 @@ def draw_design(rows: Sequence[DesignRow], path: Path) -> Path:
             "Lines: Cramér-Rao bound of one scan, pattern known. "
             f"Points: RMS error of maximum-likelihood fits, {first.trials} random poses each."
         )
-        caption(figure, seen, 65 * len(shown))
+        caption(figure, seen)
         return save(figure, path)
 
 

@@ -17,6 +17,7 @@ from taxelflow.publish.figures import PadTracks, Pictures, ResultPictures, Views
 from taxelflow.publish.patterns import read_patterns
 from taxelflow.publish.plots.hand import Moment, at_contacts
 from taxelflow.publish.plots.pattern import Contact
+from taxelflow.publish.plots.style import pressure_unit
 from taxelflow.publish.results import Track, read_events, read_orientations, read_result
 
 if TYPE_CHECKING:
@@ -244,7 +245,7 @@ def _views(results: Sequence[_Result], pad: str, recording: Recording) -> Views 
     scan = _largest_slip(track)
     t_s = float(track.numbers["t_s"][scan])
     before, now = _two_scans(ran, recording, number, t_s)
-    scale, unit = (1e3, "kPa") if ran.unit == "Pa" and np.nanmax(now) > 1e4 else (1.0, ran.unit)
+    scale, unit = pressure_unit(ran.unit, float(np.nanmax(now)))
     dx_mm, dy_mm = (1e3 * float(track.numbers[name][scan]) for name in ("dx_m", "dy_m"))
     slip_mm = (dx_mm, dy_mm) if np.isfinite(dx_mm) and np.isfinite(dy_mm) else (0.0, 0.0)
     title = f"{pad} at {t_s - float(track.numbers['t_s'][0]):.2f} s"

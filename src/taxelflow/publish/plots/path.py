@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.spans import spans
+from taxelflow.publish.plots.marks import draw_taxels, show_box
 from taxelflow.publish.plots.outlines import extent_mm, outlines
-from taxelflow.publish.plots.style import BLUE, GREY, INK, VERMILION, caption
+from taxelflow.publish.plots.style import BLUE, FAINT, GREY, INK, VERMILION, caption
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from taxelflow.publish.plots.marks import Box
     from taxelflow.publish.results import Track
     from taxelflow.sensors.layout import Layout
 
@@ -92,7 +94,7 @@ def _panels(contacts: Sequence[_Contact], layout: Layout) -> Figure:
         f"{count}, with start time and length of path while slipping. Blue dot: first position; black square: last; "
         f"orange: slip. All pads have one scale; the widest is {wide:.0f} mm."
     )
-    caption(figure, text, 150)
+    caption(figure, text)
     return figure
 
 
@@ -136,12 +138,12 @@ def _overlaid(tracks: Sequence[Track], layout: Layout) -> Figure:
     axes[0, 0].set_ylabel("y in mm")
     if dots is not None:
         figure.colorbar(dots, ax=axes[0, -1], label="time in s", shrink=0.8)
-    caption(figure, "Path of the object on the pad; large dots: slip.", int(14 * figure.get_figwidth()))
+    caption(figure, "Path of the object on the pad; large dots: slip.")
     return figure
 
 
-def _box_mm(layout: Layout, track: Track) -> tuple[float, float, float, float]:
-    """left, right, low, high of the pad and the way, which may lead half a pad beyond it and is cut there."""
+def _box_mm(layout: Layout, track: Track) -> Box:
+    """The pad and the way, which may lead half a pad beyond it and is cut there."""
     left, right, low, high = extent_mm(layout, layout.pads.index(track.pad))
     wide, tall = (right - left) / 2, (high - low) / 2
     at_mm = 1e3 * track.position_m[np.isfinite(track.position_m).all(axis=1)]
@@ -155,13 +157,6 @@ def _box_mm(layout: Layout, track: Track) -> tuple[float, float, float, float]:
 
 def draw_pad(axis: Axes, layout: Layout, pad: int) -> None:
     """Taxels of a pad, faint, in mm, row 0 on top."""
-    from matplotlib.collections import PolyCollection
-
-    shapes = list(1e3 * outlines(layout, pad))
-    axis.add_collection(PolyCollection(shapes, facecolor="#f1f3f4", edgecolor="#dadce0", linewidth=0.6, zorder=1))
-    left, right, low, high = extent_mm(layout, pad)
-    axis.set_xlim(left, right)
-    axis.set_ylim(low, high)
-    axis.set_aspect("equal")
-    axis.grid(visible=False)
+    draw_taxels(axis, 1e3 * outlines(layout, pad), facecolor=FAINT, linewidth=0.6)
+    show_box(axis, extent_mm(layout, pad))
     axis.tick_params(colors=INK)

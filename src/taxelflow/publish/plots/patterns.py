@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.publish.plots.pattern import SHOWN
-from taxelflow.publish.plots.style import INK, caption
+from taxelflow.publish.plots.style import INK, UNSEEN, caption, pressure_unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,21 +49,21 @@ def patterns_figure(patterns: Sequence[LearnedPattern], unit: str) -> Figure:
         (left, right), (low, high) = _bounds_mm(one)
         top = float(np.nanmax(one.pressure))
         level = np.ma.masked_invalid(np.clip(one.pressure, 0.0, None))
-        axis.set_facecolor("#26262c")
+        axis.set_facecolor(UNSEEN)
         axis.pcolormesh(
             1e3 * one.x_m, 1e3 * one.y_m, level, cmap="inferno", vmin=0.0, vmax=top, shading="nearest", rasterized=True
         )
         axis.set_xlim((left + right) / 2 - half, (left + right) / 2 + half)
         axis.set_ylim((low + high) / 2 - half, (low + high) / 2 + half)
         axis.set_aspect("equal")
-        peak = f"{top / 1e3:.3g} kPa" if unit == "Pa" and top > 2e3 else f"{top:.3g} {unit}"
+        scale, shown = pressure_unit(unit, top)
         axis.set_title(
-            f"{one.pad}\n{one.t_first_s - start_s:.1f} s, {one.scans} scans\npeak {peak}",
+            f"{one.pad}\n{one.t_first_s - start_s:.1f} s, {one.scans} scans\npeak {top / scale:.3g} {shown}",
             fontsize=6.5, fontweight="normal", color=INK, pad=2,
         )  # fmt: skip
     count = f"{len(chosen)} of {len(patterns)}" if len(chosen) < len(patterns) else f"All {len(chosen)}"
     text = f"{count} learned patterns, each from 0 (black) to its peak; panels are {2 * half:.0f} mm wide."
-    caption(figure, f"{text} Grey: not observed.", int(14 * figure.get_figwidth()))
+    caption(figure, f"{text} Grey: not observed.")
     return figure
 
 

@@ -25,8 +25,8 @@ BLUE, VERMILION, GREEN, MAGENTA, GREY, INK = "#0072b2", "#d55e00", "#009e73", "#
 TINTS = (BLUE, GREEN, MAGENTA, "#e69f00", "#56b4e9", VERMILION)
 """Of things that have no order, such as pads."""
 
-SLIP = "#fdeccd"
-"""Shade behind a slip."""
+SLIP, FAINT, EDGE, UNSEEN = "#fdeccd", "#f1f3f4", "#dadce0", "#26262c"
+"""Shade behind a slip; taxels without pressure, and their outlines; what no taxel observed of a pattern."""
 
 LOOK = {
     "lnorm": {"label": "L norm (Method I)", "color": BLUE, "marker": "o"},
@@ -82,9 +82,20 @@ def wrapped(text: str, characters: int) -> list[str]:
     return textwrap.wrap(text, characters, break_on_hyphens=False)
 
 
-def caption(figure: Figure, text: str, characters: int) -> None:
-    """A caption under the figure, in lines of at most this many characters."""
-    figure.supxlabel("\n".join(wrapped(text, characters)), fontsize=8, color=INK, x=0.01, ha="left")
+def caption_lines(text: str, inches: float) -> list[str]:
+    """Lines of a caption of this width."""
+    return wrapped(text, int(14 * inches))  # letters of 8 points
+
+
+def caption(figure: Figure, text: str) -> None:
+    """A caption under the figure, over its width."""
+    lines = caption_lines(text, figure.get_figwidth())
+    figure.supxlabel("\n".join(lines), fontsize=8, color=INK, x=0.01, ha="left")
+
+
+def pressure_unit(unit: str, most: float) -> tuple[float, str]:
+    """What to divide pressures up to `most` by, and their unit then: kPa instead of thousands of Pa."""
+    return (1e3, "kPa") if unit == "Pa" and most > 2e3 else (1.0, unit)
 
 
 def save(figure: Figure, path: Path) -> Path:
