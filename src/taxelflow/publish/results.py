@@ -12,8 +12,8 @@ import numpy as np
 
 from taxelflow.errors import ResultMissing
 from taxelflow.messages import OK, QUALITY, Event
+from taxelflow.publish.columns import EVENTS
 from taxelflow.publish.summary import Summary
-from taxelflow.publish.tables import EVENTS
 
 if TYPE_CHECKING:
     from pathlib import Path
