@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import heapq
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,7 +17,7 @@ from taxelflow.publish.patterns import read_patterns
 from taxelflow.publish.plots.hand import Moment, at_contacts
 from taxelflow.publish.plots.pattern import Contact
 from taxelflow.publish.plots.style import pressure_unit
-from taxelflow.publish.results import Track, read_events, read_orientations, read_result
+from taxelflow.publish.results import Track, read_events, read_motions, read_orientations, read_result
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -212,7 +211,7 @@ def _moments(result: _Result, recording: Recording | None) -> list[Moment]:
     parts = filter(len, np.array_split(np.flatnonzero(count == count.max()), _MOMENTS))
     chosen = [int(part[np.argsort(speed[part])[int(np.ceil(_FAST * (len(part) - 1)))]]) for part in parts]
     pressure = {} if recording is None else pressure_at(result.ran, recording, t_s[chosen].tolist())
-    twists = _twists(result.directory)
+    twists = read_motions(result.directory)
     moments = []
     for k in chosen:
         title, shade = f"{t_s[k] - t_s[0]:.2f} s", pressure.get(float(t_s[k]))
@@ -220,17 +219,6 @@ def _moments(result: _Result, recording: Recording | None) -> list[Moment]:
         places[~known[k]] = vectors[~known[k]] = np.nan
         moments.append(Moment(title, places, vectors, twists[k, :3], twists[k, 3:], shade, faint=~slipping[k]))
     return moments
-
-
-def _twists(directory: Path) -> Floats:
-    """(scans, 5) of object.csv: velocity, rate of turn, centre of rotation. Raises ResultMissing."""
-    names = ("vx_m_s", "vy_m_s", "omega_rad_s", "cx_m", "cy_m")
-    try:
-        with (directory / "object.csv").open(newline="", encoding="utf-8") as file:
-            rows = [[float(row[name] or "nan") for name in names] for row in csv.DictReader(file)]
-    except (OSError, ValueError, KeyError, csv.Error) as error:
-        raise ResultMissing(directory, f"readable object.csv ({error})") from error
-    return np.array(rows).reshape(-1, len(names))
 
 
 def _views(results: Sequence[_Result], pad: str, recording: Recording) -> Views | None:
