@@ -261,7 +261,7 @@ def _row(key: Key, own: list[_Contact]) -> ContactRow:
         scans=touched,
         known=sum(int((one.known & one.touched).sum()) for one in own) / max(touched, 1),
         ok=sum(int((one.ok & one.touched).sum()) for one in own) / max(touched, 1),
-        rms_mm=1e3 * float(np.sqrt(np.mean(np.sum(far**2, axis=1)))) if len(far) else None,
+        rms_mm=1e3 * rms(np.hypot(*far.T)) if len(far) else None,
         rms_deg=float(np.degrees(rms(turn))) if len(turn) else None,
         consistency=[consistency([(one.error, one.covariance) for one in own], over) for over in SPANS],
     )

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.evaluation.pose_errors import without_frame
-from taxelflow.evaluation.statistics import finite
+from taxelflow.evaluation.statistics import finite, rms
 from taxelflow.messages import LOST, OK
 from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.simulation.relief.course import follow
@@ -104,14 +104,15 @@ def row_of(names: tuple[str, str, str, int, str], pressing: Pressing, slips: Sli
         return CaseRow(*names, scans, share, None, None, None, None, int(ok.sum()), None)
     error = np.full(pose.shape, np.nan)
     error[known] = without_frame(pose[known], path.pose[known], np.ones((int(known.sum()), 3)))
+    turns = error[np.isfinite(error[:, 2]), 2]
     squared, turned = _normalised(error, slips.covariance[:, pad])
     stated = np.isfinite(squared)
     return CaseRow(
         *names,
         scans=scans,
         known_share=share,
-        error_mm=1e3 * _rms(np.hypot(error[:, 0], error[:, 1])),
-        error_deg=float(np.degrees(_rms(error[:, 2]))) if np.isfinite(error[:, 2]).any() else None,
+        error_mm=1e3 * rms(np.hypot(*error[known, :2].T)),
+        error_deg=float(np.degrees(rms(turns))) if len(turns) else None,
         nees_position=float(squared[stated].mean()) / 2 if stated.any() else None,
         nees_turn=float(np.nanmean(turned)) if np.isfinite(turned).any() else None,
         ok=int(ok.sum()),
@@ -149,10 +150,6 @@ def _wrong(error: Floats, squared: Floats) -> Bools:
     with np.errstate(invalid="ignore"):
         wrong: Bools = (squared > SIGNIFICANT**2) & (np.hypot(error[:, 0], error[:, 1]) > _WRONG_M)
     return wrong
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.nanmean(values**2)))
 
 
 def with_ratios(rows: Sequence[CaseRow]) -> list[CaseRow]:

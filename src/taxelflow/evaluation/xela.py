@@ -23,6 +23,7 @@ from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number
 from taxelflow.evaluation.marker_recordings import marked_recordings, open_marked
+from taxelflow.evaluation.statistics import resampled
 from taxelflow.messages import OK
 from taxelflow.numerics.spans import spans
 from taxelflow.pipeline import api
@@ -30,7 +31,7 @@ from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import not_negative
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from rich.table import Table as Shown
 
@@ -233,8 +234,8 @@ def _summed(key: tuple[Half, str, Mode], rows: list[MarkedRow]) -> XelaRow:
     counts = np.array([(row.moving, row.still, row.found, row.false, row.still_ok) for row in rows], dtype=np.float64)
     excursions = [row.excursion_mm for row in rows if row.excursion_mm is not None]
     moving, still, found, false, still_ok = counts.sum(axis=0)
-    f1_low, f1_high = _interval(counts, _f1)
-    called_low, called_high = _interval(counts, _still_slipping)
+    f1_low, f1_high = resampled(counts, lambda drawn: _f1(drawn.sum(axis=1)), 2000)
+    called_low, called_high = resampled(counts, lambda drawn: _still_slipping(drawn.sum(axis=1)), 2000)
     return XelaRow(
         half=half,
         method=method,
@@ -266,10 +267,3 @@ def _still_slipping(sums: Floats) -> Floats:
     _, still, _, false, _ = sums.T
     percent: Floats = 100 * false / np.maximum(still, 1)
     return percent
-
-
-def _interval(counts: Floats, measure: Callable[[Floats], Floats]) -> tuple[float, float]:
-    """Of 95 %. counts: (recordings, kinds). measure: from sums (draws, kinds)."""
-    draws = np.random.default_rng(0).integers(len(counts), size=(2000, len(counts)))
-    low, high = np.quantile(measure(counts[draws].sum(axis=1)), (0.025, 0.975))
-    return float(low), float(high)
