@@ -12,6 +12,7 @@ import numpy as np
 from taxelflow.control.hold import HoldSession
 from taxelflow.control.motion import LetMove, Pivot, Slide
 from taxelflow.control.touch import TouchStream
+from taxelflow.evaluation.base import table_of
 from taxelflow.simulation.mujoco.events import END_S
 from taxelflow.simulation.mujoco.plant import Actuator
 from taxelflow.simulation.mujoco.trial import DROPPED_M, FORCE_COST, NEAR_M, Moment, Rehearsal, Trial
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from taxelflow.control.base import Controller, Touch
+    from taxelflow.evaluation.base import Table
     from taxelflow.messages import Bools, Floats
     from taxelflow.simulation.mujoco.plant import Grip
 
@@ -104,6 +106,10 @@ class MotionReport(msgspec.Struct, frozen=True):
     trials: list[MotionRow]
     error_p50: float | None
     error_p90: float | None
+
+    def tables(self) -> list[Table]:
+        """The trials."""
+        return [table_of("motions", self.trials, MotionRow)]
 
     @classmethod
     def of(cls, controller: str, unit: str, rows: list[MotionRow]) -> MotionReport:

@@ -78,11 +78,10 @@ def show_tuned(reports: Sequence[TuneReport]) -> None:
     console = Console(markup=False, highlight=False, soft_wrap=True)
     for report in reports:
         for one in report.tried:  # lines, as a table would cut long parameters
-            values = " ".join(f"{name}={value:g}" for name, value in one.parameters.items()) or "defaults"
             shares = f"held {_share(one.held)}, within 5 mm {_share(one.within_5_mm)}"
             forces = f"force p50 {number(one.force_p50, 2)}, p90 {number(one.force_p90, 2)}"
             console.print(
-                f"{report.controller}, {one.trials} trials: cost {one.cost:.3f}, {shares}, {forces}: {values}"
+                f"{report.controller}, {one.trials} trials: cost {one.cost:.3f}, {shares}, {forces}: {one.words}"
             )
     console.print(_COST_NOTE, style="dim")
 

@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.errors import NameUnknown
+from taxelflow.evaluation.base import Table
 from taxelflow.evaluation.control import ControlReport, cost_of
 
 if TYPE_CHECKING:
@@ -54,6 +55,11 @@ class Tried(msgspec.Struct, frozen=True):
     force_p50: float | None
     force_p90: float | None
 
+    @property
+    def words(self) -> str:
+        """The parameters as they are printed."""
+        return " ".join(f"{name}={value:g}" for name, value in self.parameters.items()) or "defaults"
+
 
 class TuneReport(msgspec.Struct, frozen=True):
     """All draws of one controller: those tried on all trials first, then the others, each the cheapest first.
@@ -63,6 +69,13 @@ class TuneReport(msgspec.Struct, frozen=True):
 
     controller: str
     tried: list[Tried]
+
+
+def table_of_draws(report: TuneReport) -> Table:
+    """What was tried, as a table named for the controller."""
+    numbers = [name for name in Tried.__struct_fields__ if name != "parameters"]
+    rows = [(report.controller, one.words, *(getattr(one, name) for name in numbers)) for one in report.tried]
+    return Table(report.controller, ("controller", "parameters", *numbers), rows)
 
 
 def tune(

@@ -66,8 +66,7 @@ class Design:
         at_least("seed", self.seed, 0)
         for name in ("size_mm", "pitch_mm", "noise_percent", "rate_hz"):
             for value in getattr(self, name):
-                if not 0 < value < float("inf"):
-                    raise ParameterInvalid(name, value, "be finite numbers above 0")
+                positive(name, value)
         for size, pitch in product(self.size_mm, self.pitch_mm):
             if not 1 <= size / pitch <= 50:
                 raise ParameterInvalid("pitch_mm", pitch, f"be between 1/50 of the object and the object, {size:g} mm")

@@ -16,7 +16,6 @@ import numpy as np
 from numba.core import event
 
 from taxelflow.acquire.base import Recording
-from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import Table, Watch, table_of, unwatched
 from taxelflow.evaluation.live_hand import loaded_hand
 from taxelflow.evaluation.live_late import LateRow, late_rows
@@ -27,7 +26,7 @@ from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.replay import Replay
 from taxelflow.publish.quiet import quiet_table
-from taxelflow.runtime.checks import not_negative
+from taxelflow.runtime.checks import not_negative, positive
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -137,11 +136,10 @@ class LiveBench:
     """First seed of that table."""
 
     def __post_init__(self) -> None:
-        for name, value in (("rate-hz", self.rate_hz), ("seconds", self.seconds), ("paced-s", self.paced_s)):
-            if not value > 0:
-                raise ParameterInvalid(name, value, "be above 0")
-        for name, seed in (("late-seeds", self.late_seeds), ("late-seed", self.late_seed)):
-            not_negative(name, seed)
+        for name in ("rate_hz", "seconds", "paced_s"):
+            positive(name, getattr(self, name))
+        for name in ("late_seeds", "late_seed"):
+            not_negative(name, getattr(self, name))
 
     def run(self, watched: Watch = unwatched) -> LiveReport:
         """Measure."""
