@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -21,12 +22,8 @@ if TYPE_CHECKING:
     from taxelflow.evaluation.control import Outcome
     from taxelflow.simulation.mujoco.trial import Trial
 
-LATENCIES_MS, BANDWIDTHS_HZ = (0.0, 10.0, 20.0, 50.0), (5.0, 10.0, 30.0)
-"""Of the actuators in the sweep: delay of the command, and bandwidth of the first-order lag."""
 GENTLE = 1.3
 """Force of the gentle bound over the least that holds the doubled weight."""
-_STEP_S, _LONGEST_S = 1e-4, 2.0
-"""Time step, and longest time, in which the bound is integrated."""
 
 
 class SweepRow(msgspec.Struct, frozen=True):
@@ -79,32 +76,38 @@ class SweepReport(msgspec.Struct, frozen=True):
             console.print(note, style="dim")
 
 
-def sweep(name: str, run: Callable[[Actuator], tuple[Sequence[Trial], Outcome]]) -> SweepReport:
+def sweep(
+    name: str,
+    run: Callable[[Actuator], tuple[Sequence[Trial], Outcome]],
+    latencies_ms: Sequence[float] = (0.0, 10.0, 20.0, 50.0),
+    bandwidths_hz: Sequence[float] = (5.0, 10.0, 30.0),
+) -> SweepReport:
     """Run the same trials with each actuator; run: trials with one of them."""
     rows = []
-    for latency_ms in LATENCIES_MS:
-        for bandwidth_hz in BANDWIDTHS_HZ:
-            actuator = Actuator(bandwidth_hz, 1e-3 * latency_ms)
-            trials, outcome = run(actuator)
-            rows.append(_row(actuator, trials, outcome.report))
+    for latency_ms, bandwidth_hz in product(latencies_ms, bandwidths_hz):
+        actuator = Actuator(bandwidth_hz, 1e-3 * latency_ms)
+        trials, outcome = run(actuator)
+        rows.append(_row(actuator, trials, outcome.report))
     return SweepReport(name, rows)
 
 
-def doubled_bound_m(trial: Trial, actuator: Actuator, command_n: float, rate_hz: float = 100.0) -> float:
+def doubled_bound_m(
+    trial: Trial, actuator: Actuator, command_n: float, rate_hz: float = 100.0, step_s: float = 1e-4
+) -> float:
     """Way of an object whose weight doubles, from the first force on, if `command_n` follows in the first scan after.
 
     The scan in which the weight doubles ends before any command knows of it. A lag of first order follows the latency,
-    which the plant rounds to scans. Infinite for a force that never holds it.
+    which the plant rounds to scans. Infinite for a force that does not hold it within 2 s.
     """
     least_n = trial.least_n(EVENT_S)
     late_s = (1.0 + round(actuator.latency_s * rate_hz)) / rate_hz
-    since_s = np.maximum(np.arange(0.0, _LONGEST_S, _STEP_S) - late_s, 0.0)
+    since_s = np.maximum(np.arange(0.0, 2.0, step_s) - late_s, 0.0)
     shares = 1.0 - np.exp(-2.0 * np.pi * actuator.bandwidth_hz * since_s)
     force_n = trial.first_n + (min(command_n, actuator.max_n) - trial.first_n) * shares
     rising = G_M_S2 * (1.0 - force_n / least_n)  # m a = m g - 2 mu F, with the least force that carries m
-    speed = _STEP_S * np.cumsum(rising)
+    speed = step_s * np.cumsum(rising)
     rests = np.flatnonzero(speed <= 0.0)
-    return float(_STEP_S * speed[: rests[0]].sum()) if len(rests) else float("inf")
+    return float(step_s * speed[: rests[0]].sum()) if len(rests) else float("inf")
 
 
 def _row(actuator: Actuator, trials: Sequence[Trial], report: ControlReport) -> SweepRow:

@@ -54,9 +54,6 @@ if TYPE_CHECKING:
 
     from taxelflow.evaluation.base import Cell, Watch
 
-_BINS_A_PITCH = 4
-"""Bins per pitch in which errors are shown over the place."""
-
 
 class Seconds(msgspec.Struct, frozen=True):
     """Processor time that a method took for one recording through the whole pipeline, s: median over the seeds."""
@@ -113,7 +110,7 @@ class Limits:
             since=[row for method, own in kept.items() for row in since_rows(method, own)],
             seconds=[Seconds(method, float(np.median(runs.took_s[method]))) for method in kept],
             consistency=[row for method, own in kept.items() for row in consistency_rows(method, own)],
-            places=[row for method, own in kept.items() for row in places(method, own, runs.pitch_mm / _BINS_A_PITCH)],
+            places=[row for method, own in kept.items() for row in places(method, own, runs.pitch_mm / 4)],
             without=without,
         )
 

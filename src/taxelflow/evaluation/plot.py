@@ -26,12 +26,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Event, Floats, LearnedPattern
     from taxelflow.publish.summary import Summary
 
-_MOST_PADS = 4
-"""Pads that are drawn, those with the longest contact."""
-_FEWEST_PADS = 2
-"""Pads that must have a slip vector at the same time for a field of them."""
-_MOMENTS = 3
-"""Scans drawn of those in which most pads slip: one in each part of them."""
 _FAST = 0.75
 """The scan drawn is this quantile of its part by speed: clearly moving, and not the one that is farthest off."""
 _SHARE = 0.2
@@ -102,14 +96,14 @@ def _by_pad(events: Sequence[Event]) -> dict[str, list[Event]]:
     return found
 
 
-def _busiest(summary: Summary) -> list[str]:
-    """Pads, and contacts that were split, with the longest contact first."""
+def _busiest(summary: Summary, most: int = 4) -> list[str]:
+    """Pads, and contacts that were split, with the longest contact first; so many at most."""
     groups = {group.name for group in summary.layout.groups}  # they lie on pads
     names = [name for name in summary.layout.layout.pads if name not in groups]
     loaded = [(summary.pads[name].contact_scans, name) for name in names if summary.pads[name].contact_scans]
     if not loaded:
         raise ResultMissing(Path(summary.input), "contact at all, so there is nothing to draw")
-    return [name for _, name in heapq.nlargest(_MOST_PADS, loaded)]
+    return [name for _, name in heapq.nlargest(most, loaded)]
 
 
 def _pictures(
@@ -189,8 +183,11 @@ def _axis_track(pad: str, result: _Result, results: Sequence[_Result]) -> Track 
     return Track("principal_axis", pad, {"theta_rad": angle}, {})
 
 
-def _moments(result: _Result, recording: Recording | None) -> list[Moment]:
-    """Up to three moments at which most pads slip; none if no two pads ever have a slip vector while one slips."""
+def _moments(result: _Result, recording: Recording | None, most: int = 3) -> list[Moment]:
+    """Moments at which most pads slip; none if no two pads ever have a slip vector while one slips.
+
+    The scans in which most pads slip are cut into so many parts, of each of which one is drawn.
+    """
     layout = result.ran.layout.layout
     t_s = result.tracks[0].numbers["t_s"]
     own = {track.pad: track for track in result.tracks}
@@ -200,7 +197,7 @@ def _moments(result: _Result, recording: Recording | None) -> list[Moment]:
     v = np.stack([[track.numbers[name] for name in names] for track in ordered]).transpose(2, 0, 1)
     slipping = np.stack([track.flags["slipping"] for track in ordered], axis=1)
     known = np.isfinite(v[..., 0]) & np.isfinite(layout.T_hand[:, 0])
-    several = known[:, : layout.pad_count].sum(axis=1) >= _FEWEST_PADS
+    several = known[:, : layout.pad_count].sum(axis=1) >= 2
     known &= layout.independent
     moving, slips = np.hypot(v[..., 0], v[..., 1]), slipping & np.isfinite(v[..., 0])
     speed = np.where(known & slipping, moving, 0.0).sum(axis=1)
@@ -208,7 +205,7 @@ def _moments(result: _Result, recording: Recording | None) -> list[Moment]:
     count = np.where(several & fast, (known & slipping).sum(axis=1), 0)
     if not count.max(initial=0):
         return []
-    parts = filter(len, np.array_split(np.flatnonzero(count == count.max()), _MOMENTS))
+    parts = filter(len, np.array_split(np.flatnonzero(count == count.max()), most))
     chosen = [int(part[np.argsort(speed[part])[int(np.ceil(_FAST * (len(part) - 1)))]]) for part in parts]
     pressure = {} if recording is None else pressure_at(result.ran, recording, t_s[chosen].tolist())
     twists = read_motions(result.directory)

@@ -42,10 +42,6 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 _PREDICTIONS = ("forecast", "no motion", "registered", "centroid")
-_FEWEST = 10
-"""Scans of a contact below which its turn is not compared."""
-_LOADED = 0.25
-"""Share of the contact's largest load above which the turns are compared."""
 
 
 class PredictionRow(msgspec.Struct, frozen=True):
@@ -262,7 +258,8 @@ def _row(name: str, pad: str, sums: _Sums) -> PredictionRow:
     )
 
 
-def _turns(recording: Recording) -> list[Turn]:
+def _turns(recording: Recording, fewest: int = 10, loaded: float = 0.25) -> list[Turn]:
+    """Of contacts with so many scans that have this share of the contact's largest load, at least."""
     template, axis = (api.estimate(recording, method).slips for method in ("template", "principal_axis"))
     layout, found = recording.layout, []
     for pad in range(layout.pad_count):
@@ -270,8 +267,8 @@ def _turns(recording: Recording) -> list[Turn]:
         for first, last in spans(template.contact[:, pad]):
             theta, other = template.pose[first:last, pad, 2], axis.pose[first:last, pad, 2]
             load = template.load[first:last, pad]
-            both = np.flatnonzero(np.isfinite(theta) & np.isfinite(other) & (load >= _LOADED * load.max()))
-            if len(both) >= max(_FEWEST, best.scans if best else 0):
+            both = np.flatnonzero(np.isfinite(theta) & np.isfinite(other) & (load >= loaded * load.max()))
+            if len(both) >= max(fewest, best.scans if best else 0):
                 theta, other = np.degrees(theta[both]), np.degrees(other[both])
                 gap = theta - other
                 best = Turn(

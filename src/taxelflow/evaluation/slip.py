@@ -39,8 +39,6 @@ HOLDS = ("hold-pressed", "hold-at-edge", "hold-drifting", "hold-wobbling")
 APART = ("roll", "tilt")
 FRESH_SEED = 1000
 """Seeds below were used while the slip detector was made; the score's begin here."""
-_BLOCK_S = 60.0
-"""Duration of one recording of a still object."""
 
 
 class SlipRow(msgspec.Struct, frozen=True):
@@ -137,7 +135,7 @@ class Slip:
     def _jobs(self) -> list[Job]:
         """Recordings of slips, then of still objects, then white noise."""
         first, rate = FRESH_SEED + self.seed, self.alarms_per_hour
-        blocks = ceil(self.hours * 3600 / _BLOCK_S) if self.methods else 0
+        blocks = ceil(self.hours * 60) if self.methods else 0  # recordings of a minute
         names = [(name, k) for name in OBJECTS for k in range(self.seeds)]
         names += [(name, k) for name in (*HOLDS, *APART) for k in range(blocks)]
         jobs = [Job(name, first + k, self.methods, rate) for name, k in names]

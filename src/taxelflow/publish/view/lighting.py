@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from taxelflow.publish.view.palette import Rgb
 
 
-
 class _Light(NamedTuple):
     """A light at infinity. along: where it is, along the axes of the picture."""
 

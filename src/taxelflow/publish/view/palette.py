@@ -102,7 +102,13 @@ def round_up(value: float) -> float:
     if not (value > 0 and np.isfinite(value)):
         return 1.0
     power = 10.0 ** np.floor(np.log10(value) + 1e-12)
-    return float(next(step * power for step in (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0) if step * power >= value * (1 - 1e-9)))
+    return float(
+        next(
+            step * power
+            for step in (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+            if step * power >= value * (1 - 1e-9)
+        )
+    )
 
 
 def number(value: float) -> str:
