@@ -10,9 +10,9 @@ import numpy as np
 from rich.console import Console
 
 from taxelflow.evaluation.base import Table, table_of
+from taxelflow.evaluation.cells import number, shown
 from taxelflow.evaluation.control import ControlReport
 from taxelflow.numerics.gravity import G_M_S2
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.simulation.mujoco.events import EVENT_S
 from taxelflow.simulation.mujoco.plant import Actuator
 
@@ -58,14 +58,19 @@ class SweepReport(msgspec.Struct, frozen=True):
 
     def show(self) -> None:
         """Print the rows."""
-        heads = ("held", "<5 mm", "slid mm", "p90", "force", "full mm", "gentle mm")
-        table = quiet_table("ms", "Hz", "grasped", *heads)
-        for row in self.rows:
-            shares = ["-" if share is None else f"{share:.0%}" for share in (row.held, row.within_5_mm)]
-            lengths = (row.slid_p50_mm, row.slid_p90_mm, row.force_p50, row.bound_full_mm, row.bound_gentle_mm)
-            cells = ["-" if length is None else f"{length:.2f}" for length in lengths]
-            actuator = (f"{row.latency_ms:g}", f"{row.bandwidth_hz:g}", f"{row.grasped}/{row.trials}")
-            table.add_row(*actuator, *shares, *cells)
+        table = shown(
+            self.rows,
+            ("ms", lambda row: f"{row.latency_ms:g}"),
+            ("Hz", lambda row: f"{row.bandwidth_hz:g}"),
+            ("grasped", lambda row: f"{row.grasped}/{row.trials}"),
+            ("held", lambda row: _share(row.held)),
+            ("<5 mm", lambda row: _share(row.within_5_mm)),
+            ("slid mm", lambda row: number(row.slid_p50_mm, 2)),
+            ("p90", lambda row: number(row.slid_p90_mm, 2)),
+            ("force", "force_p50", 2),
+            ("full mm", lambda row: number(row.bound_full_mm, 2)),
+            ("gentle mm", lambda row: number(row.bound_gentle_mm, 2)),
+        )
         console = Console(markup=False, highlight=False, soft_wrap=True)
         console.print(f"{self.controller}: the weight doubles at once")
         console.print(table)
@@ -74,6 +79,10 @@ class SweepReport(msgspec.Struct, frozen=True):
             f"full, gentle: medians of what is possible with the largest force, and with {GENTLE:g} times the least",
         ):
             console.print(note, style="dim")
+
+
+def _share(share: float | None) -> str:
+    return "-" if share is None else f"{share:.0%}"
 
 
 def sweep(

@@ -19,9 +19,8 @@ from scipy.optimize import least_squares
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, number
+from taxelflow.evaluation.cells import caption, shown
 from taxelflow.evaluation.statistics import rms
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least, positive
 
 if TYPE_CHECKING:
@@ -114,35 +113,18 @@ class DesignReport(msgspec.Struct, frozen=True):
     def show(self) -> None:
         """One table."""
         console = Console(markup=False)
-        columns = (
-            "mm",
-            "ratio",
-            "layout:",
-            "noise %",
-            "Hz",
-            "bound mm",
-            "fit mm",
-            "bound deg",
-            "fit deg",
-            "mm/s",
-            "lost %",
+        table = shown(
+            self.rows,
+            ("shape:", "shape"),
+            ("mm", lambda row: f"{row.size_mm:g}"),
+            *(("ratio", "ratio", 1), ("layout:", "layout")),
+            ("noise %", lambda row: f"{row.noise_percent:g}"),
+            ("Hz", lambda row: f"{row.rate_hz:g}"),
+            *(("bound mm", "bound_mm", 4), ("fit mm", "error_mm", 4)),
+            *(("bound deg", "bound_deg", 3), ("fit deg", "error_deg", 3)),
+            *(("mm/s", "speed_mm_s", 3), ("lost %", "lost_percent", 0)),
+            title="skin designs",
         )
-        table = quiet_table("shape:", *columns, title="skin designs")
-        for row in self.rows:
-            table.add_row(
-                row.shape,
-                f"{row.size_mm:g}",
-                f"{row.ratio:.1f}",
-                row.layout,
-                f"{row.noise_percent:g}",
-                f"{row.rate_hz:g}",
-                number(row.bound_mm, 4),
-                number(row.error_mm, 4),
-                number(row.bound_deg, 3),
-                number(row.error_deg, 3),
-                number(row.speed_mm_s, 3),
-                number(row.lost_percent, 0),
-            )
         console.print(table)
         caption(
             console, "ratio: object over taxel; bound and fit: RMS of one scan, pattern known; mm/s: of the velocity."

@@ -15,11 +15,10 @@ import numpy as np
 from rich.console import Console
 
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, number, short
+from taxelflow.evaluation.cells import caption, short, shown
 from taxelflow.evaluation.statistics import rms
 from taxelflow.numerics.geometry import wrapped
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor
@@ -132,20 +131,18 @@ class FieldReport(msgspec.Struct, frozen=True):
         console = Console(markup=False)
         for scenario in dict.fromkeys(row.scenario for row in self.rows):
             title = f"{scenario}, {self.seeds} seeds"
-            table = quiet_table(
-                "vectors", "hand:", "method:", "direction deg", "speed %", "turn %", "turn bias %", title=title
+            table = shown(
+                [row for row in self.rows if row.scenario == scenario],
+                *(("vectors", "vectors"), ("hand:", "cut")),
+                ("method:", lambda row: short(row.method)),
+                *(
+                    ("direction deg", "direction_deg", 1),
+                    ("speed %", "speed_percent", 1),
+                    ("turn %", "turn_percent", 1),
+                ),
+                ("turn bias %", lambda row: f"{row.turn_bias_percent:+.1f}"),
+                title=title,
             )
-            for row in self.rows:
-                if row.scenario == scenario:
-                    table.add_row(
-                        str(row.vectors),
-                        row.cut,
-                        short(row.method),
-                        number(row.direction_deg, 1),
-                        number(row.speed_percent, 1),
-                        f"{row.turn_percent:.1f}",
-                        f"{row.turn_bias_percent:+.1f}",
-                    )
             console.print(table)
             console.print()
         caption(

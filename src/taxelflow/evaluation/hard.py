@@ -15,12 +15,11 @@ from rich.console import Console
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, number, short, solved_by
+from taxelflow.evaluation.cells import caption, short, shown, solved_by
 from taxelflow.evaluation.hard_cases import CASES
 from taxelflow.evaluation.statistics import rms
 from taxelflow.evaluation.strokes import SPEEDS_MM_S, bounds, rms_of, strokes_by, trial, ungrouped
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least
 from taxelflow.simulation.scenario import Solver
 from taxelflow.simulation.simulate import simulate
@@ -143,23 +142,17 @@ class HardReport(msgspec.Struct, frozen=True):
 
     def _shown(self, method: str, far: dict[tuple[int, str, str], list[Far]]) -> Shown:
         title = f"{short(method)}, {self.seeds} recordings a case, seed {self.seed}{solved_by(self.solver)}"
-        table = quiet_table("mm/s", "strokes:", "n", "RMSE %", "±", "median", "bias", "bound", "far", title=title)
         own = sorted((row for row in self.rows if row.method == method), key=lambda row: row.nominal_mm_s)
-        last = {row.nominal_mm_s: row for row in own}
-        for row in own:
-            table.add_row(
-                str(row.nominal_mm_s),
-                row.case,
-                str(row.strokes),
-                f"{row.rmse_percent:.3f}",
-                number(row.standard_error_percent, 3),
-                f"{row.median_percent:.3f}",
-                f"{row.bias_percent:+.3f}",
-                f"{row.bound_percent:.3f}",
-                str(len(far.get((row.nominal_mm_s, method, row.case), ()))),
-                end_section=row is last[row.nominal_mm_s],
-            )
-        return table
+        return shown(
+            own,
+            *(("mm/s", "nominal_mm_s"), ("strokes:", "case"), ("n", "strokes")),
+            *(("RMSE %", "rmse_percent", 3), ("±", "standard_error_percent", 3), ("median", "median_percent", 3)),
+            ("bias", lambda row: f"{row.bias_percent:+.3f}"),
+            ("bound", "bound_percent", 3),
+            ("far", lambda row: str(len(far.get((row.nominal_mm_s, method, row.case), ())))),
+            title=title,
+            section="nominal_mm_s",
+        )
 
 
 def _furthest(strokes: Sequence[Far], most: int = 6) -> str:

@@ -24,12 +24,11 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.template.online.session import StreamSession
 from taxelflow.estimation.template.parameters import Template
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption
+from taxelflow.evaluation.cells import caption, number, shown
 from taxelflow.evaluation.statistics import rms
 from taxelflow.messages import LOST, OK, cut
 from taxelflow.numerics.spans import spans
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -138,22 +137,19 @@ class PredictionReport(msgspec.Struct, frozen=True):
 
 
 def _errors_shown(rows: Sequence[PredictionRow]) -> Shown:
-    table = quiet_table("pad:", "scans", "forecast", "no motion", "registered", "centroid", "noise", "lost")
-    for row in rows:
-        errors = (row.forecast_percent, row.no_motion_percent, row.registered_percent, row.centroid_percent)
-        numbers = [f"{error:.1f}" for error in (*errors, row.noise_percent)]
-        table.add_row(row.pad, str(row.scans), *numbers, str(row.lost))
-    return table
+    names = ("forecast", "no motion", "registered", "centroid", "noise")
+    errors = [(name, f"{name.replace(' ', '_')}_percent", 1) for name in names]
+    return shown(rows, ("pad:", "pad"), ("scans", "scans"), *errors, ("lost", "lost"))
 
 
 def _turns_shown(turns: Sequence[Turn]) -> Shown:
-    table = quiet_table("pad:", "from s", "scans", "template deg", "axis deg", "apart deg", "ok %")
-    for turn in turns:
-        angles = (f"{turn.template_deg:+.1f}", f"{turn.axis_deg:+.1f}")
-        table.add_row(
-            turn.pad, f"{turn.from_s:.2f}", str(turn.scans), *angles, f"{turn.apart_deg:.1f}", f"{turn.ok_percent:.0f}"
-        )
-    return table
+    return shown(
+        turns,
+        *(("pad:", "pad"), ("from s", "from_s", 2), ("scans", "scans")),
+        ("template deg", lambda turn: f"{turn.template_deg:+.1f}"),
+        ("axis deg", lambda turn: f"{turn.axis_deg:+.1f}"),
+        *(("apart deg", "apart_deg", 1), ("ok %", lambda turn: number(turn.ok_percent, 0))),
+    )
 
 
 def score_recordings(recordings: Sequence[Recording], watched: Watch = unwatched) -> PredictionReport:

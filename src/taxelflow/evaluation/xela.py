@@ -21,13 +21,12 @@ from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, number
+from taxelflow.evaluation.cells import caption, number, percent, shown
 from taxelflow.evaluation.marker_recordings import marked_recordings, open_marked
 from taxelflow.evaluation.statistics import resampled
 from taxelflow.messages import OK
 from taxelflow.numerics.spans import spans
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import not_negative
 
 if TYPE_CHECKING:
@@ -198,20 +197,20 @@ class XelaReport(msgspec.Struct, frozen=True):
 
 
 def _shown(rows: Sequence[XelaRow], title: str) -> Shown:
-    headings = ("F1", "95 %:", "prec", "rec", "still", "95 %:", "mm", "worst", "ok")
-    table = quiet_table("method:", "mode:", *headings, title=title)
-    for row in rows:
-        share, interval = _percents(row.f1), f"{_percents(row.f1_low)}-{_percents(row.f1_high)}"
-        called = f"{row.still_slipping_low:.0f}-{row.still_slipping_high:.0f}"
-        found = (share, interval, _percents(row.precision), _percents(row.recall))
-        excursion = (number(row.excursion_median_mm, 1), number(row.excursion_worst_mm, 1))
-        still = (f"{row.still_slipping_percent:.0f}", called, *excursion, f"{row.still_ok_percent:.0f}")
-        table.add_row(row.method, row.mode, *found, *still)
-    return table
-
-
-def _percents(share: float) -> str:
-    return f"{100 * share:.0f}"
+    return shown(
+        rows,
+        *(("method:", "method"), ("mode:", "mode")),
+        ("F1", lambda row: percent(row.f1)),
+        ("95 %:", lambda row: f"{percent(row.f1_low)}-{percent(row.f1_high)}"),
+        ("prec", lambda row: percent(row.precision)),
+        ("rec", lambda row: percent(row.recall)),
+        ("still", "still_slipping_percent", 0),
+        ("95 %:", lambda row: f"{row.still_slipping_low:.0f}-{row.still_slipping_high:.0f}"),
+        ("mm", lambda row: number(row.excursion_median_mm, 1)),
+        ("worst", lambda row: number(row.excursion_worst_mm, 1)),
+        ("ok", lambda row: number(row.still_ok_percent, 0)),
+        title=title,
+    )
 
 
 def _excursions(place: Floats, marker: Floats, interval: Floats) -> list[float]:
