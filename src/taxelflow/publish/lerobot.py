@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 VERSION = "v3.0"
 FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _ONLY = FILE.format(chunk_index=0, file_index=0)
-_CHUNK_FILES, _FILE_MB = 1000, 100
-"""Limits that the format declares; nothing here reaches them."""
 _INDICES = ("frame_index", "episode_index", "index", "task_index")
 _TASK_INDEX = {
     "index_columns": ["task"],
@@ -138,9 +136,9 @@ def _info(
         "total_episodes": len(episodes),
         "total_frames": sum(map(len, episodes)),
         "total_tasks": len(tasks),
-        "chunks_size": _CHUNK_FILES,
-        "data_files_size_in_mb": _FILE_MB,
-        "video_files_size_in_mb": _FILE_MB,
+        "chunks_size": 1000,  # limits that the format declares; nothing here reaches them
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 100,
         "fps": rate,
         "splits": {"train": f"0:{len(episodes)}"},
         "data_path": f"data/{FILE}",

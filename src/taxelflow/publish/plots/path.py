@@ -23,22 +23,15 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 
-_MOST_OVERLAID = 6
-"""Contacts on one pad whose paths are still readable in one panel."""
-_MOST_PANELS = 60
-"""Contacts at most, those with the longest paths."""
-_ACROSS = 10
-"""Panels in a row."""
-_FEWEST_POSITIONS = 3
-"""Known positions below which a contact has no path."""
+def path_figure(tracks: Sequence[Track], layout: Layout, most_overlaid: int = 6) -> Figure:
+    """Tracks of one method on their pads; with more contacts on one pad than a panel can show, a panel for each.
 
-
-def path_figure(tracks: Sequence[Track], layout: Layout) -> Figure:
-    """Tracks of one method on their pads; with more contacts than one panel can show, a panel for each contact."""
+    Contacts of fewer than three known positions have no path.
+    """
     contacts = [_Contact(track, first, stop) for track in tracks for first, stop in spans(track.flags["contact"])]
-    contacts = [contact for contact in contacts if np.isfinite(contact.at_mm[:, 0]).sum() >= _FEWEST_POSITIONS]
+    contacts = [contact for contact in contacts if np.isfinite(contact.at_mm[:, 0]).sum() >= 3]
     crowd = max((sum(contact.track is track for contact in contacts) for track in tracks), default=0)
-    return _panels(contacts, layout) if crowd > _MOST_OVERLAID else _overlaid(tracks, layout)
+    return _panels(contacts, layout) if crowd > most_overlaid else _overlaid(tracks, layout)
 
 
 class _Contact:
@@ -53,17 +46,17 @@ class _Contact:
         self.path_mm = float(np.nansum(steps[self.slipping[1:]]))
 
 
-def _panels(contacts: Sequence[_Contact], layout: Layout) -> Figure:
+def _panels(contacts: Sequence[_Contact], layout: Layout, most: int = 60, across: int = 10) -> Figure:
     """A panel for each contact, on one scale, in the order of time; those with the longest slips if they are many."""
     import matplotlib.pyplot as plt
     from matplotlib.collections import LineCollection
 
-    chosen = heapq.nlargest(_MOST_PANELS, contacts, key=lambda contact: contact.path_mm)
+    chosen = heapq.nlargest(most, contacts, key=lambda contact: contact.path_mm)
     chosen.sort(key=lambda contact: float(contact.t_s[0]))
     start_s = min(float(contact.track.numbers["t_s"][0]) for contact in chosen)
     boxes = [extent_mm(layout, layout.pads.index(contact.track.pad)) for contact in chosen]
     wide, high = max(box[1] - box[0] for box in boxes), max(box[3] - box[2] for box in boxes)
-    cols = min(_ACROSS, len(chosen))
+    cols = min(across, len(chosen))
     rows = -(-len(chosen) // cols)
     width = 10.5 / cols
     height = float(np.clip(width * high / wide, 0.5, 2.2)) + 0.34

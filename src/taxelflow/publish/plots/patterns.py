@@ -17,24 +17,19 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Floats, LearnedPattern
 
-_ACROSS = 8
-"""Patterns in a row."""
-_MOST = 64
-"""Patterns at most, those of the most scans."""
 
-
-def patterns_figure(patterns: Sequence[LearnedPattern], unit: str) -> Figure:
+def patterns_figure(patterns: Sequence[LearnedPattern], unit: str, most: int = 64, across: int = 8) -> Figure:
     """A panel per pattern in the order of time, each in the object's frame and in its own scale of pressure.
 
-    With more than 64 patterns, those from most scans.
+    With more patterns than `most`, those from most scans. across: panels in a row.
     """
     import matplotlib.pyplot as plt
 
-    chosen = heapq.nlargest(_MOST, patterns, key=lambda one: one.scans)
+    chosen = heapq.nlargest(most, patterns, key=lambda one: one.scans)
     chosen.sort(key=lambda one: one.t_first_s)
     start_s = min(one.t_first_s for one in patterns)
     half = max(float(np.ptp(ends)) for one in chosen for ends in _bounds_mm(one)) / 2 * 1.06
-    cols = min(_ACROSS, len(chosen))
+    cols = min(across, len(chosen))
     rows = -(-len(chosen) // cols)
     size = min(10.5 / cols, 2.6)
     figure, axes = plt.subplots(
