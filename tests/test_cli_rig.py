@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,8 @@ from costly import mostly_long
 from rigged import estimated, refused, rigged, strokes_by_both
 from synthetic import assert_same, grid_sensor, recorded
 from taxelflow.cli import main
+from taxelflow.evaluation.bench import bench
+from taxelflow.evaluation.bench_effort import Effort
 from taxelflow.evaluation.bench_peers import PeerBench, PeerLatency
 from taxelflow.pipeline.api import read
 from taxelflow.simulation.scenario import DESCRIPTIONS, SCENARIOS
@@ -260,16 +263,14 @@ def test_plot_into_a_file(results: list[Path], tmp_path: Path, capsys: Capture) 
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few rounds on no sensor; processes are not started."""
     monkeypatch.setattr("taxelflow.evaluation.bench._sensors", list)
-    monkeypatch.setattr("taxelflow.evaluation.bench_peers._ROUNDS", 5)
-    monkeypatch.setattr("taxelflow.evaluation.bench_peers._WARM", 2)
-    monkeypatch.setattr("taxelflow.evaluation.bench_throughput._BATCH_BYTES", 200_000)
-    monkeypatch.setattr("taxelflow.evaluation.bench_throughput._BATCH_ROUNDS", 2)
+    quick = Effort(batch_bytes=200_000, batch_rounds=2, peer_rounds=5, peer_warm=2)
+    monkeypatch.setattr("taxelflow.evaluation.bench.bench", partial(bench, effort=quick))
     monkeypatch.setattr("taxelflow.evaluation.bench.subprocess.run", lambda *_arguments, **_more: None)
 
 
 def test_bench_prints_its_tables(results: list[Path], monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
     hurry(monkeypatch)
-    monkeypatch.setattr("taxelflow.evaluation.bench.bench_peers", lambda: PeerBench([], "not asked for"))
+    monkeypatch.setattr("taxelflow.evaluation.bench.bench_peers", lambda *_: PeerBench([], "not asked for"))
     recording = json.loads((results[0] / "summary.json").read_text())["input"]
     assert main(["bench", "--recording", recording]) == 0
     said = capsys.readouterr().out
@@ -287,7 +288,7 @@ def test_bench_times_opencv_or_states_why_not(
     skipped = PeerBench([], "cv2 is not installed")
     timed = PeerBench([PeerLatency("cv2.phaseCorrelate, 7 pads", 30.0, 40.0, 1.0, 1.0)])
     for made, words in ((skipped, "not timed: cv2 is not installed"), (timed, "30.0    40.0   1.00")):
-        monkeypatch.setattr("taxelflow.evaluation.bench.bench_peers", lambda made=made: made)
+        monkeypatch.setattr("taxelflow.evaluation.bench.bench_peers", lambda *_, made=made: made)
         assert main(["bench", "--recording", recording]) == 0
         assert words in capsys.readouterr().out
 

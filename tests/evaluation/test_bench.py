@@ -14,6 +14,7 @@ from costly import mostly_long
 from rigged import rigged
 from taxelflow.errors import RecordingMissing
 from taxelflow.evaluation.bench import Bench, _sensors, _simulated, bench, live_step
+from taxelflow.evaluation.bench_effort import USUAL, Effort
 from taxelflow.evaluation.bench_throughput import batch_centroids
 from taxelflow.publish.summary import to_json
 from taxelflow.simulation.simulate import save, simulate
@@ -41,22 +42,19 @@ WAYS = [
 STAGES = ["parsing", "conditioning", "segmenting", "estimating", "monitoring and fusing", "writing"]
 
 
+QUICK = Effort(
+    rounds=2, budget_s=0.01, strokes=4, readings=1, batch_bytes=200_000, batch_rounds=1, peer_rounds=2, peer_warm=1
+)
+
+
 def hurried(patch: pytest.MonkeyPatch) -> list[list[str]]:
-    """Few rounds; processes are only noted, not started."""
+    """Processes are only noted, not started."""
     started: list[list[str]] = []
 
     def run(command: list[str], **_more: object) -> None:
         started.append(command)
 
-    patch.setattr("taxelflow.evaluation.bench._ROUNDS", 2)
-    patch.setattr("taxelflow.evaluation.bench._LITERAL_BUDGET_S", 0.01)
-    patch.setattr("taxelflow.evaluation.bench._STROKES", 4)
-    patch.setattr("taxelflow.evaluation.bench_throughput._BATCH_BYTES", 200_000)
-    patch.setattr("taxelflow.evaluation.bench_throughput._BATCH_ROUNDS", 1)
-    patch.setattr("taxelflow.evaluation.bench_peers._ROUNDS", 2)
-    patch.setattr("taxelflow.evaluation.bench_peers._WARM", 1)
     patch.setattr("taxelflow.evaluation.bench.subprocess.run", run)
-    patch.setattr("taxelflow.evaluation.bench_reading._ROUNDS", 1)
     return started
 
 
@@ -70,7 +68,7 @@ def figures(started: list[list[str]]) -> Bench:
     with pytest.MonkeyPatch.context() as patch:
         commands = hurried(patch)
         patch.setattr("taxelflow.evaluation.bench._sensors", lambda: [SENSORS[1]])
-        result = bench(None)
+        result = bench(None, effort=QUICK)
         started.extend(commands)
     return result
 
@@ -113,7 +111,7 @@ def test_shares_are_of_all_stages_and_add_up_to_1(figures: Bench) -> None:
 def test_without_a_recording_one_about_as_long_as_the_longest_real_one_is_simulated(figures: Bench) -> None:
     assert figures.recording == "simulated.npz"
     assert figures.scans > 100
-    assert simulate(_simulated()).scans == pytest.approx(6893, rel=0.01)
+    assert simulate(_simulated(USUAL.strokes)).scans == pytest.approx(6893, rel=0.01)
 
 
 def test_starts_are_compared_with_that_of_numpy(figures: Bench) -> None:
@@ -158,7 +156,7 @@ def test_a_recording_of_ones_own_is_measured_and_left_alone(tmp_path: Path, monk
     hurried(monkeypatch)
     monkeypatch.setattr("taxelflow.evaluation.bench._sensors", list)
     save(rigged("turn"), tmp_path / "turn.npz")
-    figures = bench(tmp_path / "turn.npz")
+    figures = bench(tmp_path / "turn.npz", effort=QUICK)
     assert (figures.recording, figures.scans) == ("turn.npz", 186)
     assert [path.name for path in tmp_path.iterdir()] == ["turn.npz"]
     assert sum(share.share for share in figures.shares) == pytest.approx(1)
@@ -168,7 +166,7 @@ def test_a_missing_recording_is_refused_in_words(tmp_path: Path, monkeypatch: py
     hurried(monkeypatch)
     monkeypatch.setattr("taxelflow.evaluation.bench._sensors", list)
     with pytest.raises(RecordingMissing, match=r"none\.npz does not exist"):
-        bench(tmp_path / "none.npz")
+        bench(tmp_path / "none.npz", effort=QUICK)
 
 
 def test_the_garbage_collector_runs_again_afterwards(figures: Bench) -> None:

@@ -8,13 +8,10 @@ import pytest
 
 from taxelflow.errors import ExtraMissing
 from taxelflow.evaluation import bench_peers as timing
+from taxelflow.evaluation.bench_effort import Effort
 from taxelflow.evaluation.bench_peers import bench_peers, hand_in_contact
 
-
-@pytest.fixture(autouse=True)
-def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(timing, "_ROUNDS", 5)
-    monkeypatch.setattr(timing, "_WARM", 2)
+QUICK = Effort(peer_rounds=5, peer_warm=2)
 
 
 def test_every_pad_of_the_hand_is_loaded_in_every_scan_by_something_that_moves() -> None:
@@ -30,7 +27,7 @@ def test_every_pad_of_the_hand_is_loaded_in_every_scan_by_something_that_moves()
 
 def test_estimators_are_timed_against_phase_correlation() -> None:
     pytest.importorskip("cv2")
-    found = bench_peers(("lnorm", "principal_axis"))
+    found = bench_peers(("lnorm", "principal_axis"), QUICK)
     assert found.skipped is None
     assert [row.what for row in found.rows] == ["cv2.phaseCorrelate, 7 pads", "lnorm step", "principal_axis step"]
     peer = found.rows[0]
@@ -65,7 +62,7 @@ def test_rounds_in_which_something_was_learned_are_a_row_of_their_own() -> None:
 @pytest.mark.long
 def test_a_pattern_is_learned_at_first() -> None:
     pytest.importorskip("cv2")
-    found = bench_peers(("template",))
+    found = bench_peers(("template",), QUICK)
     assert "template step, while it learns" in [row.what for row in found.rows]
 
 
@@ -74,6 +71,6 @@ def test_without_opencv_a_line_reports_it(monkeypatch: pytest.MonkeyPatch) -> No
         raise ExtraMissing("bench", module)
 
     monkeypatch.setattr(timing, "needed", absent)
-    found = bench_peers()
+    found = bench_peers((), QUICK)
     assert found.rows == []
     assert found.skipped == "cv2 is not installed; install it with: pip install 'taxelflow[bench]'"

@@ -12,7 +12,7 @@ import pytest
 from rigged import refused
 from taxelflow.cli import main
 from taxelflow.evaluation.base import Table, write_tables
-from taxelflow.evaluation.commands import name_files
+from taxelflow.evaluation.commands import Output
 from taxelflow.runtime import registry
 
 Capture = pytest.CaptureFixture[str]
@@ -212,9 +212,12 @@ def test_cells_have_six_digits_or_are_empty(tmp_path: Path) -> None:
     assert (tmp_path / "rows.csv").read_text() == 'name,rms_mm,n\n"a, b",0.333333,12345678\nc,,0\nd,,1\n'
 
 
-def test_files_are_named_by_what_they_hold(capsys: Capture) -> None:
-    name_files([Path("rows.csv"), Path("picture.svg"), Path("x.png")])
-    assert capsys.readouterr().out == "rows in rows.csv\ndrawn in picture.svg\ndrawn in x.png\n"
+def test_files_are_named_by_what_they_hold(tmp_path: Path, capsys: Capture) -> None:
+    rows = tmp_path / "rows.csv"
+    tables = [Table("rows", ("n",), [(1,)])]
+    drawn = (Path("picture.svg"), Path("x.png"))
+    assert Output(csv=rows).give(None, lambda: print("shown"), tables=lambda: tables, drawn=drawn) == 0
+    assert capsys.readouterr().out == f"shown\nrows in {rows}\ndrawn in picture.svg\ndrawn in x.png\n"
 
 
 # Scores of other packages

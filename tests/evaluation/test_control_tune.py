@@ -10,7 +10,7 @@ from taxelflow.control.baselines import Constant
 from taxelflow.control.hold import Hold
 from taxelflow.errors import GraphicsMissing
 from taxelflow.evaluation.control import TrialRow, cost_of
-from taxelflow.evaluation.control_tune import SPACES, changed, drawn, tune
+from taxelflow.evaluation.control_tune import SPACES, changed, drawn, table_of_draws, tune
 from taxelflow.runtime import registry
 from taxelflow.simulation.mujoco.trial import Trial, drawn_in_turn
 
@@ -65,6 +65,12 @@ def test_all_draws_are_tried_on_some_trials_and_the_cheapest_on_all() -> None:
     draws = [one["times"] for one in drawn(SPACES["constant"], 7)]
     assert report.tried[0].parameters == {"times": min(draws, key=lambda times: abs(times - 3.0))}
     assert [one.cost for one in report.tried[:5]] == sorted(one.cost for one in report.tried[:5])
+    table = table_of_draws(report)
+    assert len(table.rows) == 8
+    assert (
+        dict(zip(table.columns, table.rows[0], strict=True))["parameters"]
+        == f"times={report.tried[0].parameters['times']:g}"
+    )
     assert len(set(seen)) == len(seen) == 8 * 2 + 5 * 6
 
 

@@ -64,3 +64,10 @@ def test_bad_options_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert "end in .svg" in capsys.readouterr().err
     assert main(["design", "--plot", "none/d.svg"]) == 2  # before the work, which would be lost
     assert "--plot must lie in a directory that exists (got 'none/d.svg')" in capsys.readouterr().err
+
+
+def test_the_sensitive_area_of_a_taxel_is_within_it() -> None:
+    with pytest.raises(ParameterInvalid, match="fill must be above 0 and at most 1"):
+        Design(fill=1.1)
+    wide, narrow = (np.ptp(lattice("square", 1.0, 2.0, fill)[1][0], axis=0) for fill in (1.0, 0.5))
+    assert narrow == pytest.approx(wide / 2)

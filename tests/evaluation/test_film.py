@@ -97,8 +97,8 @@ def test_a_part_is_filmed_at_its_speed(result: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--fps", "0"), "fps must be above 0"),
-        (("--speed", "-1"), "speed must be above 0"),
+        (("--fps", "0"), "fps must be a finite number above 0"),
+        (("--speed", "-1"), "speed must be a finite number above 0"),
         (("--from-s", "99"), "--from-s must lie within the recording, 0 to 19.857 s"),
         (("--from-s", "5", "--to-s", "5"), "--to-s must be after from_s, 5 s"),
         (("--fps", "900"), "frames must be at most 3000: choose a part by --from-s and --to-s, or raise --speed"),

@@ -8,7 +8,7 @@ import pytest
 
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.evaluation import hard
-from taxelflow.evaluation.hard import Hard, HardReport
+from taxelflow.evaluation.hard import Hard, HardReport, _far
 from taxelflow.evaluation.hard_cases import CASES, INNER_TAXELS, dropped, with_dead
 from taxelflow.evaluation.strokes import trial, ungrouped
 from taxelflow.pipeline.api import conditioned
@@ -144,3 +144,9 @@ def test_its_tables_hold_the_rows_and_the_strokes_far_off(quick: HardReport) -> 
     assert rows.columns[:5] == ("nominal_mm_s", "method", "case", "strokes", "rmse_percent")
     assert [row[4] for row in rows.rows] == [row.rmse_percent for row in quick.rows]
     assert len(far.rows) == len(quick.far)
+
+
+def test_how_far_off_a_stroke_is_listed_is_asked_for() -> None:
+    error = np.array([0.4, -3.0, np.nan])
+    assert _far(error, slice(None), 1.0) == [(2, -3.0), (3, None)]
+    assert _far(error, slice(None), 5.0) == [(3, None)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -11,15 +12,14 @@ import pytest
 from rigged import refused
 from synthetic import dome
 from taxelflow.condition.parameters import Conditioner
+from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.marker_recordings import marked_recordings, open_marked
-from taxelflow.evaluation.xela import Xela, judged, summed
+from taxelflow.evaluation.xela import Xela, summed
 from taxelflow.messages import OK
 from taxelflow.pipeline import api
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from taxelflow.evaluation.marker_recordings import Marked
     from taxelflow.evaluation.xela import MarkedRow
     from taxelflow.messages import Floats
@@ -57,12 +57,12 @@ def write_recording(folder: Path, *, lost: slice = slice(0)) -> Path:
     return folder
 
 
-def score_one(marked: Marked, method: str = "convolution") -> MarkedRow:
+def score_one(marked: Marked, method: str = "convolution", score: Xela | None = None) -> MarkedRow:
     """As if no pose were cut by the border."""
     result = api.estimate(marked.recording, method, condition=Conditioner(tare="start"))
     slips = replace(result.slips, quality=np.full_like(result.slips.quality, OK))
     result = replace(result, slips=slips)
-    return judged(marked, result, "test", method)
+    return (score or Xela(Path())).judged(marked, result, "test", method)
 
 
 def test_the_marker_shows_the_speed(tmp_path: Path) -> None:
@@ -82,6 +82,15 @@ def test_begin_and_end_of_a_contact_are_not_judged(tmp_path: Path) -> None:
     row = score_one(open_marked(write_recording(tmp_path / "a")))
     assert row.moving == pytest.approx(MOVING, abs=2)
     assert row.still == pytest.approx(2 * STILL - (1.0 + 0.5) * RATE_HZ, abs=6)
+
+
+def test_what_counts_as_begin_end_and_motion_is_asked_for(tmp_path: Path) -> None:
+    marked = open_marked(write_recording(tmp_path / "a"))
+    usual, whole = (score_one(marked, score=score) for score in (Xela(Path()), Xela(Path(), closing_s=0, opening_s=0)))
+    assert whole.still - usual.still == pytest.approx((1.0 + 0.5) * RATE_HZ, abs=2)
+    assert score_one(marked, score=Xela(Path(), moves_m_s=2 * SPEED_M_S)).moving == 0
+    with pytest.raises(ParameterInvalid, match="still_m_s must be 0 or more"):
+        Xela(Path(), still_m_s=-1.0)
 
 
 def test_a_slide_is_found_and_a_still_object_stays_where_it_is(tmp_path: Path) -> None:

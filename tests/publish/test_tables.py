@@ -12,7 +12,8 @@ from synthetic import METHODS, grid_sensor, scans_of
 from taxelflow.messages import Estimates, Footprint, Motions, Slips
 from taxelflow.pipeline.api import estimate
 from taxelflow.pipeline.stages import Pipeline
-from taxelflow.publish.tables import CONTACTS, OBJECT, SLIPS, Tables, _slip_rows, motion_columns, slip_columns
+from taxelflow.publish.columns import CONTACTS, OBJECT, SLIPS, as_text, motion_rows, slip_columns, slip_rows
+from taxelflow.publish.tables import Tables
 from taxelflow.runtime import registry
 
 if TYPE_CHECKING:
@@ -117,7 +118,8 @@ def drawn_slips(pads: int = 2) -> tuple[Slips, Bools, Floats]:
 def test_columns_of_arrays_are_those_of_the_file(tmp_path: Path) -> None:
     slips, slipping, evidence = drawn_slips()
     columns = slip_columns(slips, slipping, evidence, ("left", "right"))
-    rows = [dict(zip(SLIPS, row, strict=True)) for row in _slip_rows(slips, slipping, evidence, ("left", "right"))]
+    texts = as_text(SLIPS, slip_rows(slips, slipping, evidence, ("left", "right")))
+    rows = [dict(zip(SLIPS, row, strict=True)) for row in texts]
     assert [*columns] == [*SLIPS]
     for name, column in columns.items():
         read = [row[name] for row in rows]
@@ -152,7 +154,7 @@ def test_columns_of_the_objects_motion_are_those_of_the_message() -> None:
         rotor_std=random.random(4), centre=random.random((4, 2)), centre_std=random.random((4, 2)),
         pose=random.random((4, 3)), pose_covariance=pose_covariance, pads=np.arange(4),
     )  # fmt: skip
-    found = dict(zip(OBJECT, np.array([*motion_columns(motions)]).T, strict=True))
+    found = dict(zip(OBJECT, np.array([*motion_rows(motions)]).T, strict=True))
     velocity_std, pose_std = (np.sqrt(np.diagonal(one, axis1=1, axis2=2)) for one in (covariance, pose_covariance))
     parts = {
         ("t_s",): motions.t_s, ("pads",): motions.pads, ("rotor_1_s",): motions.rotor,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -65,7 +65,7 @@ class Recording:
     source: the file, or a description of what generates the scans. format: name of the format.
     read: opens the source and yields its blocks unchanged. scans: number that the source declares, None if unknown.
     masked: (taxels,), taxels that the recording itself declares switched off. truth, joints: if known.
-    notes: remarks to the user on how it is read.
+    notes: remarks to the user on how it is read. asked: what was asked of the reader by name, such as the topic.
     """
 
     source: Path | str
@@ -77,6 +77,7 @@ class Recording:
     truth: Truth | None = field(default=None, repr=False)
     joints: Joints | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
+    asked: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         if not len(self.masked):

@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from taxelflow.acquire.table_remedies import SHOWN, for_time
 from taxelflow.errors import ParameterInvalid, RecordingCorrupt
@@ -119,6 +119,20 @@ class Columns:
         if self.file is None or not isinstance(given, str):
             raise ValueError(f"a path is text, not {given!r}")
         return self.file.parent / given
+
+    def recorded(self) -> dict[str, Any]:
+        """The fields that are not defaults, as JSON has them: those of `file` too, and absolute paths."""
+        found = self.resolved()
+        if found.times is not None:
+            found = replace(found, times=found.times.absolute())
+        return {name: str(value) if isinstance(value, Path) else value for name, value in found.changed().items()}
+
+    @staticmethod
+    def of_record(recorded: dict[str, Any]) -> Columns:
+        """What `recorded` gave. Raises ParameterInvalid, and msgspec's ValidationError for what it did not give."""
+        import msgspec
+
+        return msgspec.convert(recorded, Columns, dec_hook=lambda _, path: Path(path))
 
     def changed(self) -> dict[str, object]:
         """The fields that differ from their defaults."""

@@ -20,12 +20,11 @@ from rich.console import Console
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, number
+from taxelflow.evaluation.cells import caption, shown
 from taxelflow.pipeline import api
 from taxelflow.pipeline.batch.cluster import connected, outcomes
 from taxelflow.pipeline.batch.task import Settings
 from taxelflow.pipeline.stages import Pipeline
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import save
@@ -102,14 +101,10 @@ class WorkersReport(msgspec.Struct, frozen=True):
     def show(self) -> None:
         """One table."""
         console = Console(markup=False)
-        columns = ("wall s", "ratio", "task CPU s", "client CPU s", "first CPU s", "first wall s")
-        table = quiet_table("workers:", *columns, title=f"batch, {self.method}, {self.recordings} recordings")
-        for row in self.rows:
-            times = (row.task_s, row.client_s, row.first_task_s, row.first_wall_s)
-            table.add_row(
-                str(row.workers), number(row.wall_s, 3), number(row.ratio, 2), *(number(one, 3) for one in times)
-            )
-        console.print(table)
+        times = (("task CPU s", "task_s", 3), ("client CPU s", "client_s", 3))
+        first = (("first CPU s", "first_task_s", 3), ("first wall s", "first_wall_s", 3))
+        columns = (("workers:", "workers"), ("wall s", "wall_s", 3), ("ratio", "ratio", 2), *times, *first)
+        console.print(shown(self.rows, *columns, title=f"batch, {self.method}, {self.recordings} recordings"))
         caption(
             console,
             "wall, task and client: of one recording, after each worker's first, which loads kernels;\n"

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from pathlib import Path
 from time import perf_counter
@@ -21,6 +22,7 @@ from taxelflow.contacts.features import ContactFeatures
 from taxelflow.estimation.centroid.paper_reference import convolution_index
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.base import Watch, table_of, unwatched
+from taxelflow.evaluation.bench_effort import USUAL, Effort
 from taxelflow.evaluation.bench_peers import PeerBench, PeerLatency, bench_peers, last_of
 from taxelflow.evaluation.bench_reading import ReadingRate, reading_rates
 from taxelflow.evaluation.bench_space import space_steps
@@ -49,9 +51,6 @@ if TYPE_CHECKING:
 
     Result = TypeVar("Result", bound=Sized)
 
-_ROUNDS, _LITERAL_BUDGET_S = 300, 4.0  # timed calls of the literal form at most, and the time they may take together
-_STROKES = 140
-"""Strokes of the paper that last as long as the longest real recording."""
 _NOISE = 0.1
 """Standard deviation of an unloaded taxel, in the unit of readings that are 1 to 10 when loaded."""
 _STAGES = ("parsing", "conditioning", "segmenting", "estimating", "monitoring and fusing", "writing")
@@ -108,23 +107,24 @@ class Bench(msgspec.Struct, frozen=True):
         ]
 
 
-def bench(recording: Path | None, watched: Watch = unwatched) -> Bench:
+def bench(recording: Path | None, watched: Watch = unwatched, effort: Effort = USUAL) -> Bench:
     """Run everything; `recording` is what the shares are measured on (default: a simulated one of its length)."""
-    latencies = [row for sensor in watched(_sensors(), "sensors") for row in _latencies(sensor)]
-    throughputs = [row for size in watched((16, 32, 64), "sizes of a pad") for row in throughput(size)]
+    latencies = [row for sensor in watched(_sensors(), "sensors") for row in _latencies(sensor, effort)]
+    throughputs = [row for size in watched((16, 32, 64), "sizes of a pad") for row in throughput(size, effort)]
     with tempfile.TemporaryDirectory() as folder:
         if recording is None:
             recording = Path(folder) / "simulated.npz"
-            save(_simulated(), recording)
+            save(_simulated(effort.strokes), recording)
         opened = api.read(recording)
         scans, shares = _shares(opened, Path(folder) / "result")
-        readings = reading_rates(opened, Path(folder))
-    return Bench(latencies, bench_peers(), throughputs, recording.name, scans, shares, readings, _starts())
+        readings = reading_rates(opened, Path(folder), effort)
+    peers = bench_peers((), effort)
+    return Bench(latencies, peers, throughputs, recording.name, scans, shares, readings, _starts())
 
 
-def _simulated() -> Scenario:
+def _simulated(strokes: int) -> Scenario:
     paper = SCENARIOS["stroke"]
-    return replace(paper, motion=replace(paper.motion, strokes=_STROKES))
+    return replace(paper, motion=replace(paper.motion, strokes=strokes))
 
 
 def _sensors() -> list[Sensor]:
@@ -132,7 +132,7 @@ def _sensors() -> list[Sensor]:
     return [*map(load_sensor, ("barretthand-162", "grid-16x16", "schunk-sdh2")), grid]
 
 
-def _latencies(sensor: Sensor) -> list[Latency]:
+def _latencies(sensor: Sensor, effort: Effort) -> list[Latency]:
     """One step of every pad, all in contact, by the literal equations, the kernels, and the whole pipeline."""
     layout = sensor.layout
     values = np.random.default_rng(0).uniform(1.0, 10.0, (16, layout.taxels))
@@ -145,11 +145,12 @@ def _latencies(sensor: Sensor) -> list[Latency]:
     }
     with announced():
         for method in ("convolution", "lnorm"):
-            steps[f"{method} kernel"] = _kernel_step(method, sensor, scans)
+            bare = cast("CentroidSession", api.estimator(method).start(layout, "stream"))
+            steps[f"{method} kernel"] = _session_step(partial(bare.run, rows=bare.room(1)), scans)
             session = api.estimator(method).start(layout, "stream")
             steps[f"{method} step"] = _session_step(session.step, scans)
         steps |= _stages(sensor, values) | space_steps(sensor)
-    taken = _in_turn(steps)
+    taken = _in_turn(steps, effort)
     base = float(np.median(taken["literal equations (SciPy)"]))
     return [
         Latency(
@@ -168,12 +169,6 @@ def _loaded(values: Floats, pads: int) -> list[Scans]:
     noise = np.full(values.shape[1], _NOISE)
     never = np.full(len(noise), np.inf)
     return [Scans(np.array([0.01 * k]), values[k : k + 1], noise, never, contact, contact) for k in range(len(values))]
-
-
-def _kernel_step(method: str, sensor: Sensor, scans: list[Scans]) -> Callable[[int], object]:
-    session = cast("CentroidSession", api.estimator(method).start(sensor.layout, "stream"))
-    rows = session.room(1)
-    return lambda k: session.run(scans[k % len(scans)], rows)
 
 
 def _session_step(step: Callable[[Scans], object], scans: list[Scans]) -> Callable[[int], object]:
@@ -221,13 +216,13 @@ def _fed(step: Callable[[RawScans], Result], values: Floats) -> Callable[[int], 
     return lambda k: step(RawScans(np.array([next(seconds)]), values[k % 16 : k % 16 + 1]))
 
 
-def _in_turn(steps: dict[str, Callable[[int], object]]) -> dict[str, Floats]:
+def _in_turn(steps: dict[str, Callable[[int], object]], effort: Effort) -> dict[str, Floats]:
     """Time the steps one after the other, round by round, so that a slow moment of the machine hits all alike."""
     for step in steps.values():
         step(0)
     start = perf_counter()
     next(iter(steps.values()))(1)  # the slowest
-    rounds = int(np.clip(_LITERAL_BUDGET_S / (perf_counter() - start), 20, _ROUNDS))
+    rounds = int(np.clip(effort.budget_s / (perf_counter() - start), 20, effort.rounds))
     taken: dict[str, list[float]] = {what: [] for what in steps}
     gc.disable()
     try:

@@ -18,6 +18,7 @@ import numpy as np
 
 from taxelflow.errors import ExtraMissing
 from taxelflow.estimation.template.online.session import StreamSession
+from taxelflow.evaluation.bench_effort import USUAL, Effort
 from taxelflow.evaluation.live_hand import BASELINE_PA, to_and_fro
 from taxelflow.evaluation.peer_methods import needed
 from taxelflow.messages import Scans, cut
@@ -38,10 +39,6 @@ if TYPE_CHECKING:
 STEPPED = ("lnorm", "convolution", "template", "registration")
 """Methods that are timed, where they are registered."""
 RATE_HZ = 100.0
-_ROUNDS = 1000
-"""Timed rounds, one scan each."""
-_WARM = 100
-"""Rounds before any is timed: a pattern is learned, caches are filled."""
 _INNER = 4
 """Steps in a row, of which the last is timed: the first ones refill the caches that the others emptied."""
 
@@ -64,14 +61,14 @@ class PeerBench(msgspec.Struct, frozen=True):
     skipped: str | None = None
 
 
-def bench_peers(methods: Sequence[str] = ()) -> PeerBench:
+def bench_peers(methods: Sequence[str] = (), effort: Effort = USUAL) -> PeerBench:
     """Time estimators (`STEPPED` if none is named) and the peer in turn. Without OpenCV the rows are empty."""
     try:
         cv2 = needed("cv2")
     except ExtraMissing as error:
         return PeerBench([], str(error))
     chosen = methods or [method for method in STEPPED if method in registry.names("estimator")]
-    layout, scans = hand_in_contact(_WARM + _ROUNDS)
+    layout, scans = hand_in_contact(effort.peer_warm + effort.peer_rounds)
     peer = f"cv2.phaseCorrelate, {layout.pad_count} pads"
     steps = {peer: _correlations(cv2, layout, scans)}
     learning: dict[str, Callable[[], bool]] = {}
@@ -81,7 +78,7 @@ def bench_peers(methods: Sequence[str] = ()) -> PeerBench:
             steps[what] = _steps(session, scans)
             if isinstance(session, StreamSession):
                 learning[what] = _learns(session)
-    taken = _in_turn(steps, learning, _WARM, _ROUNDS)
+    taken = _in_turn(steps, learning, effort.peer_warm, effort.peer_rounds)
     quantiles = {what: np.quantile(1e6 * times, (0.5, 0.99)) for what, times in taken.items()}
     rows = [PeerLatency(what, *map(float, (*own, *(own / quantiles[peer])))) for what, own in quantiles.items()]
     return PeerBench(rows)

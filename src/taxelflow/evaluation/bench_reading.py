@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from taxelflow.acquire.base import Recording
-
-_ROUNDS = 3
-"""Readings of each file, of which the fastest counts."""
+    from taxelflow.evaluation.bench_effort import Effort
 
 
 class ReadingRate(msgspec.Struct, frozen=True):
@@ -35,7 +33,7 @@ class ReadingRate(msgspec.Struct, frozen=True):
     """Our rate over the library's."""
 
 
-def reading_rates(recording: Recording, folder: Path) -> list[ReadingRate]:
+def reading_rates(recording: Recording, folder: Path, effort: Effort) -> list[ReadingRate]:
     """The recording written in each format into a folder, and read back in turn with the plain library."""
     plain: dict[str, tuple[str, Callable[[Path], object]]] = {
         ".npz": ("numpy.load", _npz),
@@ -45,17 +43,19 @@ def reading_rates(recording: Recording, folder: Path) -> list[ReadingRate]:
     }
     if find_spec("pyarrow"):
         plain[".parquet"] = ("pyarrow", _parquet)
-    return [_rate(recording, folder / f"reading{suffix}", *way) for suffix, way in plain.items()]
+    return [_rate(recording, folder / f"reading{suffix}", *way, effort) for suffix, way in plain.items()]
 
 
-def _rate(recording: Recording, path: Path, library: str, parse: Callable[[Path], object]) -> ReadingRate:
+def _rate(
+    recording: Recording, path: Path, library: str, parse: Callable[[Path], object], effort: Effort
+) -> ReadingRate:
     if path.suffix == ".bag":
         _write_bag(recording, path)
     else:
         api.convert(recording, path)
     opened = api.read(path, recording.sensor)
     ours, theirs, scans = float("inf"), float("inf"), 0
-    for _ in range(_ROUNDS):
+    for _ in range(effort.readings):
         start = perf_counter()
         scans = sum(map(len, opened.blocks()))
         middle = perf_counter()

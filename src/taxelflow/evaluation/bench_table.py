@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from taxelflow.publish.quiet import quiet_table
+from taxelflow.evaluation.cells import shown
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -29,48 +29,45 @@ def show_bench(found: Bench) -> None:
 
 
 def _steps(found: Bench) -> Table:
+    columns = (("sensor:", "sensor"), ("what:", "what"), ("p50 us", "p50_us", 1), ("p99 us", "p99_us", 1))
     title = "one step of a whole hand, every pad loaded"
-    table = quiet_table("sensor:", "what:", "p50 us", "p99 us", "x literal", title=title)
-    for row in found.latencies:
-        table.add_row(row.sensor, row.what, f"{row.p50_us:.1f}", f"{row.p99_us:.1f}", f"{row.times_faster:.1f}")
-    return table
+    return shown(found.latencies, *columns, ("x literal", "times_faster", 1), title=title)
 
 
 def _peers(found: Bench) -> Table:
-    title = "one streaming step of the 162-taxel hand"
-    table = quiet_table("what:", "p50 us", "p99 us", "x p50", "x p99", title=title)
-    for row in found.peers.rows:
-        times = (f"{row.p50_us:.1f}", f"{row.p99_us:.1f}", f"{row.p50_over_peer:.2f}", f"{row.p99_over_peer:.2f}")
-        table.add_row(row.what, *times)
-    return table
+    columns = (("what:", "what"), ("p50 us", "p50_us", 1), ("p99 us", "p99_us", 1))
+    ratios = (("x p50", "p50_over_peer", 2), ("x p99", "p99_over_peer", 2))
+    return shown(found.peers.rows, *columns, *ratios, title="one streaming step of the 162-taxel hand")
 
 
 def _throughputs(found: Bench) -> Table:
-    table = quiet_table("array:", "what:", "GB/s", "x read", "Mscans/s", title="many scans at once, one core")
-    for row in found.throughputs:
-        rates = (f"{row.gb_per_s:.1f}", f"{row.share_of_read:.2f}", f"{row.million_scans_per_s:.2f}")
-        table.add_row(row.array, row.what, *rates)
-    return table
+    columns = (("array:", "array"), ("what:", "what"), ("GB/s", "gb_per_s", 1), ("x read", "share_of_read", 2))
+    last = ("Mscans/s", "million_scans_per_s", 2)
+    return shown(found.throughputs, *columns, last, title="many scans at once, one core")
 
 
 def _shares(found: Bench) -> Table:
-    table = quiet_table("stage:", "ms", "share", title=f"estimate, {found.scans} scans of {found.recording}")
-    for row in found.shares:
-        table.add_row(row.stage, f"{1e3 * row.seconds:.0f}", f"{100 * row.share:.1f} %")
-    return table
+    return shown(
+        found.shares,
+        ("stage:", "stage"),
+        ("ms", lambda row: f"{1e3 * row.seconds:.0f}"),
+        ("share", lambda row: f"{100 * row.share:.1f} %"),
+        title=f"estimate, {found.scans} scans of {found.recording}",
+    )
 
 
 def _readings(found: Bench) -> Table:
+    ours = (("MB", "megabytes", 1), ("scans/s", "scans_per_s", 0), ("MB/s", "mb_per_s", 0))
+    theirs = (("plain library:", "library"), ("scans/s", "library_scans_per_s", 0), ("x library", "ratio", 2))
     title = f"reading, the same {found.scans} scans in each format"
-    table = quiet_table("format:", "MB", "scans/s", "MB/s", "plain library:", "scans/s", "x library", title=title)
-    for row in found.readings:
-        ours = (f"{row.megabytes:.1f}", f"{row.scans_per_s:.0f}", f"{row.mb_per_s:.0f}")
-        table.add_row(row.format, *ours, row.library, f"{row.library_scans_per_s:.0f}", f"{row.ratio:.2f}")
-    return table
+    return shown(found.readings, ("format:", "format"), *ours, *theirs, title=title)
 
 
 def _starts(found: Bench) -> Table:
-    table = quiet_table("command:", "ms", "x import numpy", title="start of a process")
-    for row in found.starts:
-        table.add_row(row.command, f"{1e3 * row.seconds:.0f}", f"{row.over_import_numpy:.2f}")
-    return table
+    return shown(
+        found.starts,
+        ("command:", "command"),
+        ("ms", lambda row: f"{1e3 * row.seconds:.0f}"),
+        ("x import numpy", "over_import_numpy", 2),
+        title="start of a process",
+    )

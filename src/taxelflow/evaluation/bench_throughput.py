@@ -19,12 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from taxelflow.estimation.centroid.session import CentroidSession
+    from taxelflow.evaluation.bench_effort import Effort
     from taxelflow.messages import Floats
-
-_BATCH_BYTES = 256_000_000
-"""Size of the scans, far larger than caches."""
-_BATCH_ROUNDS = 7
-"""Repetitions, in turn, of which the fastest counts."""
 
 
 class Throughput(msgspec.Struct, frozen=True):
@@ -37,9 +33,9 @@ class Throughput(msgspec.Struct, frozen=True):
     million_scans_per_s: float
 
 
-def throughput(size: int) -> list[Throughput]:
+def throughput(size: int, effort: Effort) -> list[Throughput]:
     """Centroids alone, and the whole batch step with covariances, of arrays of size x size."""
-    scans = _BATCH_BYTES // (8 * size * size)
+    scans = effort.batch_bytes // (8 * size * size)
     layout = Sensor("grid", "kPa", (Pad("grid", size, size, (0.002, 0.002)),)).layout
     pressure = np.random.default_rng(0).uniform(1.0, 2.0, (scans, size * size))
     contact = np.ones((scans, 1), dtype=np.bool_)
@@ -53,6 +49,7 @@ def throughput(size: int) -> list[Throughput]:
         lambda: read_sum(flat),
         lambda: batch_centroids(pressure, x, y, size, centroids),
         lambda: session.run(block, rows),
+        rounds=effort.batch_rounds,
     )
     return [
         Throughput(f"{size}x{size}", what, pressure.nbytes / s / 1e9, read_s / s, scans / s / 1e6)
@@ -60,12 +57,12 @@ def throughput(size: int) -> list[Throughput]:
     ]
 
 
-def _fastest(*jobs: Callable[[], object]) -> list[float]:
+def _fastest(*jobs: Callable[[], object], rounds: int) -> list[float]:
     """Shortest of several times of each, in turn."""
-    taken = [[0.0] * _BATCH_ROUNDS for _ in jobs]
+    taken = [[0.0] * rounds for _ in jobs]
     for job in jobs:
         job()
-    for k in range(_BATCH_ROUNDS):
+    for k in range(rounds):
         for number, job in enumerate(jobs):
             start = perf_counter()
             job()

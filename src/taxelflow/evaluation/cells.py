@@ -2,12 +2,37 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Any
+
+from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 _SHORT = {"lnorm": "L norm", "convolution": "flow", "principal_axis": "axis"}
+
+
+Column = tuple[str, str] | tuple[str, str, int] | tuple[str, Callable[[Any], str]]
+"""Heading and field of a row, a number with that many decimals; or heading and what makes a cell of a row."""
+
+
+def shown(rows: Iterable[Any], *columns: Column, title: str | None = None, section: str | None = None) -> Table:
+    """Rows as a table for the terminal, a dash where a number is unknown. section: a line follows where it changes."""
+    table, held = quiet_table(*(column[0] for column in columns), title=title), list(rows)
+    for row, after in zip_longest(held, held[1:]):
+        ends = section is not None and (after is None or getattr(after, section) != getattr(row, section))
+        table.add_row(*(_cell(row, *column[1:]) for column in columns), end_section=ends)
+    return table
+
+
+def _cell(row: Any, field: str | Callable[[Any], str], digits: int | None = None) -> str:
+    if not isinstance(field, str):
+        return field(row)
+    value = getattr(row, field)
+    return str(value) if digits is None else number(value, digits)
 
 
 def short(method: str) -> str:

@@ -237,11 +237,8 @@ class _Sampled:
         t, level = self._starts_s[idle], self._levels[idle, pad]
         if len(t) < _FEWEST_IDLE or np.ptp(level) == 0.0:
             return None, None
-        t = t - t.mean()
-        slope = float(t @ level / (t @ t))
-        left = level - level.mean() - slope * t
-        error = float(np.sqrt(left @ left / (len(t) - 2) / (t @ t)))
-        return slope * duration_s, error * duration_s
+        (slope, _), covariance = np.polyfit(t - t[0], level, 1, cov=True)
+        return float(slope) * duration_s, float(np.sqrt(covariance[0, 0])) * duration_s
 
 
 class _Tally:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from taxelflow.evaluation.base import Score as AnyScore
+    from taxelflow.evaluation.base import Table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,18 +178,31 @@ class Output:
     """Write the rows to this .csv file, too; further tables go to NAME-TABLE.csv beside NAME.csv."""
 
     def __post_init__(self) -> None:
-        check_csv(self.csv)
+        if self.csv is not None and self.csv.suffix != ".csv":
+            raise ParameterInvalid("csv", str(self.csv), "end in .csv")
+        check_directory("csv", self.csv)
 
-    def give(self, report: Any, show: Callable[[], None], *, drawn: Sequence[Path] = ()) -> int:
-        """Write and print a report; the exit code. show: prints its tables. drawn: files with pictures of it."""
+    def give(
+        self,
+        report: Any,
+        show: Callable[[], object],
+        *,
+        tables: Callable[[], Sequence[Table]] | None = None,
+        drawn: Sequence[Path] = (),
+    ) -> int:
+        """Write and print a report; the exit code. show: prints its tables.
+
+        tables: those for CSV, if they are not the report's own. drawn: files with pictures of it.
+        """
         from taxelflow.publish.summary import to_json
 
-        written = [] if self.csv is None else write_tables(report.tables(), self.csv)
+        written = [] if self.csv is None else write_tables((tables or report.tables)(), self.csv)
         if self.json:
             sys.stdout.buffer.write(to_json(report))
         else:
             show()
-            name_files([*written, *drawn])
+            for path in (*written, *drawn):
+                print(f"{'rows' if path.suffix == '.csv' else 'drawn'} in {path}")
         return 0
 
 
@@ -261,20 +275,7 @@ def _parsed(kind: Any, words: list[str]) -> tuple[AnyScore, Output]:
     return found.score, found.output
 
 
-def check_csv(path: Path | None) -> None:
-    """Raises ParameterInvalid for a file that cannot be written, before the work begins."""
-    if path is not None and path.suffix != ".csv":
-        raise ParameterInvalid("csv", str(path), "end in .csv")
-    check_directory("csv", path)
-
-
 def check_directory(option: str, path: Path | None) -> None:
     """Raises ParameterInvalid for a file, asked for by an option, that has no directory to lie in."""
     if path is not None and not path.parent.is_dir():
         raise ParameterInvalid(option, str(path), "lie in a directory that exists")
-
-
-def name_files(written: list[Path]) -> None:
-    """Print the names of files with rows or pictures."""
-    for path in written:
-        print(f"{'rows' if path.suffix == '.csv' else 'drawn'} in {path}")

@@ -6,6 +6,7 @@ Errors are those of pose_errors; all scans of a contact count alike.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
@@ -13,13 +14,12 @@ import numpy as np
 from rich.console import Console
 
 from taxelflow.evaluation.base import Table, unwatched
-from taxelflow.evaluation.cells import caption
+from taxelflow.evaluation.cells import caption, shown
 from taxelflow.evaluation.nees import SPANS, Consistency, consistency
 from taxelflow.evaluation.pose_errors import contacts_of, without_frame
 from taxelflow.evaluation.statistics import rms
 from taxelflow.messages import LOST, OK
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import of_second, simulate
@@ -134,22 +134,21 @@ class ContactsReport(msgspec.Struct, frozen=True):
         )
 
     def _shown(self, scenario: str, mode: str) -> Shown:
-        title = f"{scenario}, {mode}, {self.seeds} seeds from {self.seed}"
-        spans = map(str, SPANS)
-        table = quiet_table("method:", "object:", "seen:", "known", "ok", "mm", "deg", *spans, title=title)
-        for row in self.rows:
-            if (row.scenario, row.mode) == (scenario, mode):
-                shares = (f"{row.known:.0%}", f"{row.ok:.0%}")
-                errors = (_number(row.rms_mm, 3), _number(row.rms_deg, 2))
-                table.add_row(
-                    row.method,
-                    row.object,
-                    row.seen,
-                    *shares,
-                    *errors,
-                    *(_number(one.nees, 1) for one in row.consistency),
-                )
-        return table
+        rows = [row for row in self.rows if (row.scenario, row.mode) == (scenario, mode)]
+        return shown(
+            rows,
+            *(("method:", "method"), ("object:", "object"), ("seen:", "seen")),
+            ("known", lambda row: f"{row.known:.0%}"),
+            ("ok", lambda row: f"{row.ok:.0%}"),
+            ("mm", lambda row: _number(row.rms_mm, 3)),
+            ("deg", lambda row: _number(row.rms_deg, 2)),
+            *((str(span), partial(_nees, place)) for place, span in enumerate(SPANS)),
+            title=f"{scenario}, {mode}, {self.seeds} seeds from {self.seed}",
+        )
+
+
+def _nees(place: int, row: ContactRow) -> str:
+    return _number(row.consistency[place].nees, 1)
 
 
 def _number(value: float | None, digits: int) -> str:
@@ -261,7 +260,7 @@ def _row(key: Key, own: list[_Contact]) -> ContactRow:
         scans=touched,
         known=sum(int((one.known & one.touched).sum()) for one in own) / max(touched, 1),
         ok=sum(int((one.ok & one.touched).sum()) for one in own) / max(touched, 1),
-        rms_mm=1e3 * float(np.sqrt(np.mean(np.sum(far**2, axis=1)))) if len(far) else None,
+        rms_mm=1e3 * rms(np.hypot(*far.T)) if len(far) else None,
         rms_deg=float(np.degrees(rms(turn))) if len(turn) else None,
         consistency=[consistency([(one.error, one.covariance) for one in own], over) for over in SPANS],
     )

@@ -12,6 +12,7 @@ import numpy as np
 from taxelflow.control.hold import HoldSession
 from taxelflow.control.motion import LetMove, Pivot, Slide
 from taxelflow.control.touch import TouchStream
+from taxelflow.evaluation.base import table_of
 from taxelflow.simulation.mujoco.events import END_S
 from taxelflow.simulation.mujoco.plant import Actuator
 from taxelflow.simulation.mujoco.trial import DROPPED_M, FORCE_COST, NEAR_M, Moment, Rehearsal, Trial
@@ -20,16 +21,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from taxelflow.control.base import Controller, Touch
+    from taxelflow.evaluation.base import Table
     from taxelflow.messages import Bools, Floats
     from taxelflow.simulation.mujoco.plant import Grip
 
     Watched = Callable[[list["Course"]], Iterable["Course"]]
     """Passes courses on, and may show progress."""
 
-RESTING_M, RESTING_S = 0.001, 1.0
-"""An object is held if it slid less than `DROPPED_M`, and less than 1 mm in the last second."""
-MOTION_END_S, RESTED_S = 9.0, 0.5
-"""Latest end of a trial in which an object is let slide or turn, and the time it is watched after the motion."""
+MOTION_END_S = 9.0
+"""Latest end of a trial in which an object is let slide or turn."""
 
 
 class TrialRow(msgspec.Struct, frozen=True):
@@ -104,6 +104,10 @@ class MotionReport(msgspec.Struct, frozen=True):
     trials: list[MotionRow]
     error_p50: float | None
     error_p90: float | None
+
+    def tables(self) -> list[Table]:
+        """The trials."""
+        return [table_of("motions", self.trials, MotionRow)]
 
     @classmethod
     def of(cls, controller: str, unit: str, rows: list[MotionRow]) -> MotionReport:
@@ -218,25 +222,27 @@ def held(course: Course) -> TrialRow:
     return score(course, list(course))
 
 
-def score(course: Course, seen: Sequence[Seen]) -> TrialRow:
-    """Score the scans of a finished trial."""
+def score(course: Course, seen: Sequence[Seen], still_m: float = 1e-3, last_s: float = 1.0) -> TrialRow:
+    """Score the scans of a finished trial: held if the object slid less than `DROPPED_M`, and less than still_m in
+    the last seconds.
+    """
     trial, end_s = course.trial, seen[-1].moment.truth.t_s
-    last = [one for one in seen if one.moment.truth.t_s > end_s - RESTING_S]
+    last = [one for one in seen if one.moment.truth.t_s > end_s - last_s]
     slid_m = max(one.slid_m for one in seen)
     inside = course.grasped and slid_m < DROPPED_M
-    rests = abs(last[-1].slid_m - last[0].slid_m) < RESTING_M
+    rests = abs(last[-1].slid_m - last[0].slid_m) < still_m
     force_n = sum(one.moment.truth.force_n for one in last)
     ratio = force_n / sum(one.least_n for one in last) if inside else None
     return TrialRow(trial.seed, trial.object, trial.event, course.grasped, inside and rests, 1e3 * slid_m, ratio)
 
 
-def moved(course: Course) -> MotionRow:
-    """Run a commanded motion until it has ended and rested, and score it."""
+def moved(course: Course, rested_s: float = 0.5) -> MotionRow:
+    """Run a commanded motion until it has ended and rested so long, and score it."""
     controller, session, shut_s = course.controller, course.session, float("inf")
     assert isinstance(controller, Slide | Pivot) and isinstance(session, LetMove)
     for last in course:
         shut_s = min(shut_s, last.moment.truth.t_s) if session.shut else shut_s
-        if last.moment.truth.t_s > shut_s + RESTED_S:
+        if last.moment.truth.t_s > shut_s + rested_s:
             break
     if isinstance(controller, Slide):
         asked, scale, true = controller.by_m, 1e3, last.slid_m

@@ -9,16 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.evaluation.commands import check_csv
+from taxelflow.evaluation.commands import Output
 from taxelflow.runtime import registry
 from taxelflow.runtime.checks import not_negative
 from taxelflow.runtime.exit_codes import PARTLY_DONE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from taxelflow.control.base import Controller
-    from taxelflow.evaluation.base import Table
     from taxelflow.evaluation.control import Course, MotionRow, TrialRow
     from taxelflow.simulation.mujoco.plant import Actuator
     from taxelflow.simulation.mujoco.trial import Trial
@@ -29,7 +28,7 @@ _BY_MM, _BY_DEG = 5.0, 45.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Control:
+class Control(Output):
     """Run a grip controller in MuJoCo (extra `sim`): a gripper or a hand holds objects whose load changes.
 
     hold raises the grip on slip and relaxes it; constant, threshold and centroid are baselines; slide and pivot let an
@@ -62,10 +61,6 @@ class Control:
     """Angle of pivot, deg; 45 if left out."""
     against: tuple[str, ...] = ()
     """Names of other controllers on the same trials, compared in the table."""
-    json: bool = False
-    """Print one JSON object instead of a table."""
-    csv: Path | None = None
-    """Write the rows to this .csv file, too; the trials go to NAME-trials.csv beside NAME.csv."""
     sweep: Literal["actuator"] | None = None
     """Run the trials with latencies of 0 to 50 ms and bandwidths of 5, 10 and 30 Hz; the weight doubles at once."""
     tune: int = 0
@@ -88,7 +83,6 @@ class Control:
 
     def _run(self) -> int:
         not_negative("tune", self.tune)
-        check_csv(self.csv)
         self._check_hand()
         if self.json and self.against:
             raise ParameterInvalid("against", " ".join(self.against), "be left out with --json, one controller each")
@@ -125,17 +119,16 @@ class Control:
         from taxelflow.evaluation.control_table import show_holding
 
         outcomes = [outcome_of(name, self._courses(name), self._watched) for name in names]
-        self._give(outcomes[0].report, lambda: show_holding(outcomes), lambda: tables_of(outcomes))
+        self.give(outcomes[0].report, lambda: show_holding(outcomes), tables=lambda: tables_of(outcomes))
         return _blamed([row for outcome in outcomes for row in outcome.report.trials])
 
     def _move(self) -> int:
         """Let objects slide or turn."""
-        from taxelflow.evaluation.base import table_of
-        from taxelflow.evaluation.control import MotionRow, motions_of
+        from taxelflow.evaluation.control import motions_of
         from taxelflow.evaluation.control_table import show_motion
 
         report = motions_of(self.controller, self._courses(self.controller), self._watched)
-        self._give(report, lambda: show_motion(report), lambda: [table_of("motions", report.trials, MotionRow)])
+        self.give(report, lambda: show_motion(report))
         return _blamed(report.trials)
 
     def _sweep(self) -> int:
@@ -152,23 +145,8 @@ class Control:
             return [course.trial for course in courses], outcome_of(self.controller, courses, self._watched)
 
         report = sweep(self.controller, run)
-        self._give(report, report.show, report.tables)
+        self.give(report, report.show)
         return PARTLY_DONE if any(row.grasped < row.trials for row in report.rows) else 0
-
-    def _give(
-        self, report: Any, show: Callable[[], object], tables: Callable[[], Sequence[Table]] | None = None
-    ) -> None:
-        """Write the tables, if they are asked for, and print the report. show: prints its tables."""
-        import msgspec
-
-        from taxelflow.evaluation.base import write_tables
-
-        if self.csv is not None and tables is not None:
-            write_tables(tables(), self.csv)
-        if self.json:
-            sys.stdout.write(msgspec.json.encode(report).decode() + "\n")
-        else:
-            show()
 
     def _show(self) -> int:
         """Film a trial and draw one of each event; a film is left out where nothing can be rendered."""
@@ -192,7 +170,7 @@ class Control:
         """Tune each controller on the same trials."""
         from taxelflow.evaluation.control import Course, held
         from taxelflow.evaluation.control_table import show_tuned
-        from taxelflow.evaluation.control_tune import tune
+        from taxelflow.evaluation.control_tune import table_of_draws, tune
         from taxelflow.publish.terminal import counted
 
         def run(trial: Trial, controller: Controller) -> TrialRow:
@@ -204,8 +182,9 @@ class Control:
             trials = [course.trial for course in courses]
             kind = courses[0].controller
             reports.append(tune(name, kind, trials, self.tune, run, lambda points: counted(points, "sets")))
-        self._give(reports[0], lambda: show_tuned(reports))
-        return 0
+        return self.give(
+            reports[0], lambda: show_tuned(reports), tables=lambda: [table_of_draws(report) for report in reports]
+        )
 
     def _actuator(self) -> Actuator:
         from taxelflow.simulation.mujoco.plant import Actuator

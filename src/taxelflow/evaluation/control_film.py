@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from itertools import repeat
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,20 +30,8 @@ if TYPE_CHECKING:
 
 FPS, SCANS_PER_FRAME = 25, 2
 """A film at half speed: 100 scans a second, every second one at 25 frames a second."""
-_LAST_FRAMES = FPS
-"""How often the last frame is repeated: the result stands for a second."""
-_VIEW_PIXELS = 640
-"""Height and width of the plant's picture: half of a film of 1280 x 720 pixels."""
 _LONGEST_M = 0.06
 """Length of the arrow of the trial's largest force: two thirds of a bottle's width."""
-_LEAST_SHARE = 0.03
-"""Forces below this share of the largest have no arrow: it would be a dot."""
-_ARROW_S = 0.2
-"""The arrow on a pad is as long as the way in this time."""
-_LEAST_ARROW_MM, _MOST_ARROW_MM = 0.3, 12.0
-"""Shorter arrows, of 1.5 mm/s or less, are noise at rest and left out; longer ones would leave the pad."""
-_BRIGHT = 0.999
-"""Quantile of the readings of a trial that is shown as bright as can be."""
 
 
 def film_course(course: Course, path: Path) -> int:
@@ -52,14 +41,14 @@ def film_course(course: Course, path: Path) -> int:
         return write_video(_frames(course), path, FPS)
 
 
-def _frames(course: Course) -> Iterator[Frame]:
-    """(height, width, 3) each, of every second scan."""
+def _frames(course: Course, pixels: int = 640) -> Iterator[Frame]:
+    """(height, width, 3) each, of every second scan. pixels: height and width of the plant's picture, half a film's."""
     seen: list[Seen] = []
     places: list[Floats] = []
     camera: Camera | None = None
     try:
         for one in course:
-            camera = camera or Camera(course.plant, _VIEW_PIXELS, _VIEW_PIXELS)  # fails before the trial, if it does
+            camera = camera or Camera(course.plant, pixels, pixels)  # fails before the trial, if it does
             seen.append(one)
             places.append(course.plant.data.qpos.copy())
         if camera is not None:
@@ -79,8 +68,7 @@ def _drawn(course: Course, camera: Camera, seen: list[Seen], places: list[Floats
         picture = camera.frame(places[number], partial(_forces, course, seen[number], m_per_n))
         frame = sheet.frame(seen[number], picture)
         yield frame
-    for _ in range(_LAST_FRAMES):
-        yield frame
+    yield from repeat(frame, FPS)  # the result stands for a second
     plt.close(sheet.figure)
 
 
@@ -100,7 +88,9 @@ def _forces(course: Course, now: Seen, m_per_n: float) -> list[Arrow]:
     for pad, force in zip(grip.sensor.pads, pressed, strict=True):
         site = grip.data.site(pad.name)
         arrows.append(Arrow(site.xpos - m_per_n * site.xmat.reshape(3, 3) @ force, site.xpos, BLUE))
-    return [one for one in arrows if np.linalg.norm(one.end_m - one.start_m) > _LEAST_SHARE * _LONGEST_M]
+    return [
+        one for one in arrows if np.linalg.norm(one.end_m - one.start_m) > 0.03 * _LONGEST_M
+    ]  # else it would be a dot
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +123,7 @@ class _Sheet:
         pressed = np.max([one.moment.truth.normal_n for one in seen], axis=0)
         holding, facing = np.flatnonzero(pressed > 0.0).tolist(), seen[0].moment.readings.ndim == 2
         width = 0.46 / max(len(holding), 1)
-        self._bright = float(np.quantile([one.moment.readings for one in seen], _BRIGHT))
+        self._bright = float(np.quantile([one.moment.readings for one in seen], 0.999))
         self._pads = [
             self._pad(
                 figure.add_axes((0.535 + place * width, 0.57, 0.9 * width, 0.33)),
@@ -160,7 +150,7 @@ class _Sheet:
         self._numbers = axis.text(0.03, 0.03, "", color=INK, transform=axis.transAxes, fontsize=13)
         box = {"boxstyle": "round,pad=0.4", "facecolor": GREEN, "edgecolor": "none"}
         self._slips = axis.text(0.97, 0.94, "slip", color="white", ha="right", bbox=box, **key | {"fontsize": 15})
-        return axis.imshow(np.zeros((_VIEW_PIXELS, _VIEW_PIXELS, 3), np.uint8), aspect="auto")
+        return axis.imshow(np.zeros((1, 1, 3), np.uint8), extent=(0.0, 1.0, 0.0, 1.0), aspect="auto")
 
     def _pad(self, axis: Any, number: int, sign: float) -> _Pad:
         pad = self._sensor.pads[number]
@@ -210,8 +200,11 @@ class _Sheet:
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()
 
 
-def _length_mm(velocity: Floats) -> Floats:
-    """(2,), the arrow of a pad's velocity (2,) in m/s, NaN where unknown."""
-    way: Floats = np.nan_to_num(1e3 * _ARROW_S * velocity)
+def _length_mm(velocity: Floats, seconds: float = 0.2, least_mm: float = 0.3, most_mm: float = 12.0) -> Floats:
+    """(2,), the arrow of a pad's velocity (2,) in m/s, NaN where unknown: the way in these seconds.
+
+    Shorter ones, of 1.5 mm/s or less, are noise at rest and left out; longer ones would leave the pad.
+    """
+    way: Floats = np.nan_to_num(1e3 * seconds * velocity)
     length = float(np.hypot(*way))
-    return way * min(1.0, _MOST_ARROW_MM / length) if length > _LEAST_ARROW_MM else np.zeros(2)
+    return way * min(1.0, most_mm / length) if length > least_mm else np.zeros(2)

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
+from scipy.stats import binomtest
 
 from taxelflow.evaluation.base import Table, table_of
 from taxelflow.evaluation.control import ControlReport, TrialRow, cost, cost_of, is_near
+from taxelflow.evaluation.statistics import resampled
 from taxelflow.simulation.mujoco.objects import FEATURELESS
 
 if TYPE_CHECKING:
@@ -16,9 +18,6 @@ if TYPE_CHECKING:
 
     from taxelflow.evaluation.control import Outcome
     from taxelflow.messages import Floats
-
-_Z = 1.96
-"""Normal deviate of intervals of 95 %."""
 
 
 class SummaryRow(msgspec.Struct, frozen=True):
@@ -108,13 +107,10 @@ def is_featureless(row: TrialRow) -> bool:
 
 def wilson(flags: Sequence[bool]) -> tuple[float, float] | None:
     """Wilson's 95 % interval of a share; None for no trials."""
-    count = len(flags)
-    if not count:
+    if not flags:
         return None
-    share = sum(flags) / count
-    middle = (share + _Z**2 / (2 * count)) / (1 + _Z**2 / count)
-    half = _Z / (1 + _Z**2 / count) * float(np.sqrt(share * (1 - share) / count + _Z**2 / (4 * count**2)))
-    return max(middle - half, 0.0), min(middle + half, 1.0)  # a share, in spite of rounding
+    found = binomtest(sum(flags), len(flags)).proportion_ci(method="wilson")
+    return float(found.low), float(found.high)
 
 
 def paired(ours: ControlReport, other: ControlReport) -> Paired | None:
@@ -129,9 +125,7 @@ def paired(ours: ControlReport, other: ControlReport) -> Paired | None:
 
 
 def _difference(values: Floats) -> Difference:
-    picks = np.random.default_rng(0).integers(len(values), size=(10_000, len(values)))
-    low, high = np.quantile(values[picks].mean(axis=1), [0.025, 0.975])
-    return Difference(float(values.mean()), float(low), float(high))
+    return Difference(float(values.mean()), *resampled(values, lambda drawn: drawn.mean(axis=1), 10_000))
 
 
 def _part(report: ControlReport, chosen: Callable[[TrialRow], bool]) -> ControlReport:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -9,9 +10,9 @@ import numpy as np
 from rich.console import Console
 
 from taxelflow.evaluation.base import Table, table_of
+from taxelflow.evaluation.cells import number, shown
 from taxelflow.evaluation.control import ControlReport
 from taxelflow.numerics.gravity import G_M_S2
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.simulation.mujoco.events import EVENT_S
 from taxelflow.simulation.mujoco.plant import Actuator
 
@@ -21,12 +22,8 @@ if TYPE_CHECKING:
     from taxelflow.evaluation.control import Outcome
     from taxelflow.simulation.mujoco.trial import Trial
 
-LATENCIES_MS, BANDWIDTHS_HZ = (0.0, 10.0, 20.0, 50.0), (5.0, 10.0, 30.0)
-"""Of the actuators in the sweep: delay of the command, and bandwidth of the first-order lag."""
 GENTLE = 1.3
 """Force of the gentle bound over the least that holds the doubled weight."""
-_STEP_S, _LONGEST_S = 1e-4, 2.0
-"""Time step, and longest time, in which the bound is integrated."""
 
 
 class SweepRow(msgspec.Struct, frozen=True):
@@ -61,14 +58,19 @@ class SweepReport(msgspec.Struct, frozen=True):
 
     def show(self) -> None:
         """Print the rows."""
-        heads = ("held", "<5 mm", "slid mm", "p90", "force", "full mm", "gentle mm")
-        table = quiet_table("ms", "Hz", "grasped", *heads)
-        for row in self.rows:
-            shares = ["-" if share is None else f"{share:.0%}" for share in (row.held, row.within_5_mm)]
-            lengths = (row.slid_p50_mm, row.slid_p90_mm, row.force_p50, row.bound_full_mm, row.bound_gentle_mm)
-            cells = ["-" if length is None else f"{length:.2f}" for length in lengths]
-            actuator = (f"{row.latency_ms:g}", f"{row.bandwidth_hz:g}", f"{row.grasped}/{row.trials}")
-            table.add_row(*actuator, *shares, *cells)
+        table = shown(
+            self.rows,
+            ("ms", lambda row: f"{row.latency_ms:g}"),
+            ("Hz", lambda row: f"{row.bandwidth_hz:g}"),
+            ("grasped", lambda row: f"{row.grasped}/{row.trials}"),
+            ("held", lambda row: _share(row.held)),
+            ("<5 mm", lambda row: _share(row.within_5_mm)),
+            ("slid mm", lambda row: number(row.slid_p50_mm, 2)),
+            ("p90", lambda row: number(row.slid_p90_mm, 2)),
+            ("force", "force_p50", 2),
+            ("full mm", lambda row: number(row.bound_full_mm, 2)),
+            ("gentle mm", lambda row: number(row.bound_gentle_mm, 2)),
+        )
         console = Console(markup=False, highlight=False, soft_wrap=True)
         console.print(f"{self.controller}: the weight doubles at once")
         console.print(table)
@@ -79,32 +81,42 @@ class SweepReport(msgspec.Struct, frozen=True):
             console.print(note, style="dim")
 
 
-def sweep(name: str, run: Callable[[Actuator], tuple[Sequence[Trial], Outcome]]) -> SweepReport:
+def _share(share: float | None) -> str:
+    return "-" if share is None else f"{share:.0%}"
+
+
+def sweep(
+    name: str,
+    run: Callable[[Actuator], tuple[Sequence[Trial], Outcome]],
+    latencies_ms: Sequence[float] = (0.0, 10.0, 20.0, 50.0),
+    bandwidths_hz: Sequence[float] = (5.0, 10.0, 30.0),
+) -> SweepReport:
     """Run the same trials with each actuator; run: trials with one of them."""
     rows = []
-    for latency_ms in LATENCIES_MS:
-        for bandwidth_hz in BANDWIDTHS_HZ:
-            actuator = Actuator(bandwidth_hz, 1e-3 * latency_ms)
-            trials, outcome = run(actuator)
-            rows.append(_row(actuator, trials, outcome.report))
+    for latency_ms, bandwidth_hz in product(latencies_ms, bandwidths_hz):
+        actuator = Actuator(bandwidth_hz, 1e-3 * latency_ms)
+        trials, outcome = run(actuator)
+        rows.append(_row(actuator, trials, outcome.report))
     return SweepReport(name, rows)
 
 
-def doubled_bound_m(trial: Trial, actuator: Actuator, command_n: float, rate_hz: float = 100.0) -> float:
+def doubled_bound_m(
+    trial: Trial, actuator: Actuator, command_n: float, rate_hz: float = 100.0, step_s: float = 1e-4
+) -> float:
     """Way of an object whose weight doubles, from the first force on, if `command_n` follows in the first scan after.
 
     The scan in which the weight doubles ends before any command knows of it. A lag of first order follows the latency,
-    which the plant rounds to scans. Infinite for a force that never holds it.
+    which the plant rounds to scans. Infinite for a force that does not hold it within 2 s.
     """
     least_n = trial.least_n(EVENT_S)
     late_s = (1.0 + round(actuator.latency_s * rate_hz)) / rate_hz
-    since_s = np.maximum(np.arange(0.0, _LONGEST_S, _STEP_S) - late_s, 0.0)
+    since_s = np.maximum(np.arange(0.0, 2.0, step_s) - late_s, 0.0)
     shares = 1.0 - np.exp(-2.0 * np.pi * actuator.bandwidth_hz * since_s)
     force_n = trial.first_n + (min(command_n, actuator.max_n) - trial.first_n) * shares
     rising = G_M_S2 * (1.0 - force_n / least_n)  # m a = m g - 2 mu F, with the least force that carries m
-    speed = _STEP_S * np.cumsum(rising)
+    speed = step_s * np.cumsum(rising)
     rests = np.flatnonzero(speed <= 0.0)
-    return float(_STEP_S * speed[: rests[0]].sum()) if len(rests) else float("inf")
+    return float(step_s * speed[: rests[0]].sum()) if len(rests) else float("inf")
 
 
 def _row(actuator: Actuator, trials: Sequence[Trial], report: ControlReport) -> SweepRow:

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from taxelflow.evaluation.cells import number
+from taxelflow.evaluation.cells import number, shown
 from taxelflow.evaluation.control_summary import summary
-from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,12 +26,15 @@ def show_holding(outcomes: Sequence[Outcome]) -> list[SummaryRow]:
     """Print the reports; the first is compared with each other one, trial by trial. The rows that were printed."""
     console = Console(markup=False, highlight=False, soft_wrap=True)
     rows = summary(outcomes)
-    table = quiet_table("controller:", "objects:", "grasped", "held %:", "<5 mm %:", "force", "p90", "blind")
-    for row in rows:
-        held = share(row.held, row.held_low, row.held_high)
-        near = share(row.within_5_mm, row.within_low, row.within_high)
-        forces, blind = (number(row.force_p50, 2), number(row.force_p90, 2)), f"{row.blind:.0%}"
-        table.add_row(row.controller, row.objects, f"{row.grasped}/{row.trials}", held, near, *forces, blind)
+    table = shown(
+        rows,
+        *(("controller:", "controller"), ("objects:", "objects")),
+        ("grasped", lambda row: f"{row.grasped}/{row.trials}"),
+        ("held %:", lambda row: share(row.held, row.held_low, row.held_high)),
+        ("<5 mm %:", lambda row: share(row.within_5_mm, row.within_low, row.within_high)),
+        *(("force", "force_p50", 2), ("p90", "force_p90", 2)),
+        ("blind", lambda row: f"{row.blind:.0%}"),
+    )
     console.print(table)
     for note in (
         "in brackets: 95 % intervals; force: of the last second over the least that holds, of held trials",
@@ -53,22 +55,24 @@ def show_holding(outcomes: Sequence[Outcome]) -> list[SummaryRow]:
 
 
 def _show_trials(console: Console, report: ControlReport) -> None:
-    table = quiet_table("seed:", "object:", "event:", "grasped:", "held:", "slid mm", "force over least")
-    for row in report.trials:
-        yes = ["yes" if flag else "no" for flag in (row.grasped, row.held)]
-        table.add_row(str(row.seed), row.object, row.event, *yes, f"{row.slid_mm:.2f}", number(row.force_over_least, 2))
-    console.print(table)
+    trial = (("seed:", "seed"), ("object:", "object"), ("event:", "event"))
+    flags = (("grasped:", lambda row: _yes(row.grasped)), ("held:", lambda row: _yes(row.held)))
+    console.print(
+        shown(report.trials, *trial, *flags, ("slid mm", "slid_mm", 2), ("force over least", "force_over_least", 2))
+    )
+
+
+def _yes(flag: bool) -> str:
+    return "yes" if flag else "no"
 
 
 def show_motion(report: MotionReport) -> None:
     """Print commanded motions."""
     console = Console(markup=False, highlight=False, soft_wrap=True)
     unit = report.unit
-    table = quiet_table("seed:", "object:", "grasped:", "closed:", f"asked {unit}", f"felt {unit}", f"moved {unit}")
-    for row in report.trials:
-        yes = ["yes" if flag else "no" for flag in (row.grasped, row.closed)]
-        table.add_row(str(row.seed), row.object, *yes, f"{row.asked:.2f}", f"{row.felt:.2f}", f"{row.moved:.2f}")
-    console.print(table)
+    flags = (("grasped:", lambda row: _yes(row.grasped)), ("closed:", lambda row: _yes(row.closed)))
+    moves = [(f"{name} {unit}", name, 2) for name in ("asked", "felt", "moved")]
+    console.print(shown(report.trials, ("seed:", "seed"), ("object:", "object"), *flags, *moves))
     if report.error_p50 is not None and report.error_p90 is not None:
         console.print(f"{report.controller}: error p50 {report.error_p50:.2f}, p90 {report.error_p90:.2f} {unit}")
 
@@ -78,11 +82,10 @@ def show_tuned(reports: Sequence[TuneReport]) -> None:
     console = Console(markup=False, highlight=False, soft_wrap=True)
     for report in reports:
         for one in report.tried:  # lines, as a table would cut long parameters
-            values = " ".join(f"{name}={value:g}" for name, value in one.parameters.items()) or "defaults"
             shares = f"held {_share(one.held)}, within 5 mm {_share(one.within_5_mm)}"
             forces = f"force p50 {number(one.force_p50, 2)}, p90 {number(one.force_p90, 2)}"
             console.print(
-                f"{report.controller}, {one.trials} trials: cost {one.cost:.3f}, {shares}, {forces}: {values}"
+                f"{report.controller}, {one.trials} trials: cost {one.cost:.3f}, {shares}, {forces}: {one.words}"
             )
     console.print(_COST_NOTE, style="dim")
 

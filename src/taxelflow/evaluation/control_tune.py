@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.errors import NameUnknown
+from taxelflow.evaluation.base import Table
 from taxelflow.evaluation.control import ControlReport, cost_of
 
 if TYPE_CHECKING:
@@ -39,10 +40,6 @@ SPACES: dict[str, dict[str, tuple[float, float]]] = {
 """Least and largest value of each parameter that is searched, drawn evenly in its logarithm."""
 
 
-FIRST_SHARE, FINALISTS = 0.25, 4
-"""Share of the trials on which all draws are tried, and how many of them are tried on all, beside the defaults."""
-
-
 class Tried(msgspec.Struct, frozen=True):
     """One draw: parameters, and what that number of trials with them cost."""
 
@@ -53,6 +50,11 @@ class Tried(msgspec.Struct, frozen=True):
     within_5_mm: float | None
     force_p50: float | None
     force_p90: float | None
+
+    @property
+    def words(self) -> str:
+        """The parameters as they are printed."""
+        return " ".join(f"{name}={value:g}" for name, value in self.parameters.items()) or "defaults"
 
 
 class TuneReport(msgspec.Struct, frozen=True):
@@ -65,6 +67,13 @@ class TuneReport(msgspec.Struct, frozen=True):
     tried: list[Tried]
 
 
+def table_of_draws(report: TuneReport) -> Table:
+    """What was tried, as a table named for the controller."""
+    numbers = [name for name in Tried.__struct_fields__ if name != "parameters"]
+    rows = [(report.controller, one.words, *(getattr(one, name) for name in numbers)) for one in report.tried]
+    return Table(report.controller, ("controller", "parameters", *numbers), rows)
+
+
 def tune(
     name: str,
     controller: Controller,
@@ -72,18 +81,21 @@ def tune(
     draws: int,
     run: Callable[[Trial, Controller], TrialRow],
     watched: Callable[[list[dict[str, float]]], Iterable[dict[str, float]]],
+    first_share: float = 0.25,
+    finalists: int = 4,
 ) -> TuneReport:
-    """Try the defaults and `draws` points of a Halton sequence. run: one trial of a controller.
+    """Try the defaults and `draws` points of a Halton sequence. run: one trial of a controller. first_share: of the
+    trials on which all are tried. finalists: how many of them are tried on all trials, beside the defaults.
 
     Raises NameUnknown for a controller without a space.
     """
     if name not in SPACES:
         raise NameUnknown("controller to tune", name, SPACES)
     points: list[dict[str, float]] = [{}, *drawn(SPACES[name], draws)]
-    count = max(round(FIRST_SHARE * len(trials)), 1)
+    count = max(round(first_share * len(trials)), 1)
     firsts = [(point, _rows(controller, point, trials[:count], run)) for point in watched(points)]
     firsts.sort(key=lambda one: cost_of(one[1]))
-    best = [point for place, (point, _) in enumerate(firsts) if place < FINALISTS or not point]
+    best = [point for place, (point, _) in enumerate(firsts) if place < finalists or not point]
     rows = {str(point): seen for point, seen in firsts}
     for point in watched(best):
         rows[str(point)] += _rows(controller, point, trials[count:], run)

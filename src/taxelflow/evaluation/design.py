@@ -19,9 +19,8 @@ from scipy.optimize import least_squares
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, number
+from taxelflow.evaluation.cells import caption, shown
 from taxelflow.evaluation.statistics import rms
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least, positive
 
 if TYPE_CHECKING:
@@ -30,12 +29,6 @@ if TYPE_CHECKING:
 
 Skin = Literal["square", "hexagonal", "triangular"]
 Body = Literal["asymmetric", "bar", "round"]
-_FILL = 0.9
-"""Side of a taxel's sensitive area over that of the taxel."""
-_FINE = 8
-"""Places over the width of a taxel at which pressure is averaged."""
-_LOST = 0.25
-"""Error of a fit, in object lengths, beyond which it has found another minimum."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +47,8 @@ class Design:
     """Standard deviations of a reading, in percent of the largest pressure."""
     rate_hz: tuple[float, ...] = (50.0,)
     """Scan rate, Hz, for the error of the velocity."""
+    fill: float = 0.9
+    """Side of a taxel's sensitive area over that of the taxel, above 0 and at most 1."""
     window_s: float = 0.25
     """Window of the velocity, s."""
     trials: int = 12
@@ -66,12 +61,13 @@ class Design:
         at_least("seed", self.seed, 0)
         for name in ("size_mm", "pitch_mm", "noise_percent", "rate_hz"):
             for value in getattr(self, name):
-                if not 0 < value < float("inf"):
-                    raise ParameterInvalid(name, value, "be finite numbers above 0")
+                positive(name, value)
         for size, pitch in product(self.size_mm, self.pitch_mm):
             if not 1 <= size / pitch <= 50:
                 raise ParameterInvalid("pitch_mm", pitch, f"be between 1/50 of the object and the object, {size:g} mm")
         positive("window_s", self.window_s)
+        if not 0 < self.fill <= 1:
+            raise ParameterInvalid("fill", self.fill, "be above 0 and at most 1")
 
     def run(self, watched: Watch = unwatched) -> DesignReport:
         """Draw poses, compute bounds, fit."""
@@ -117,35 +113,18 @@ class DesignReport(msgspec.Struct, frozen=True):
     def show(self) -> None:
         """One table."""
         console = Console(markup=False)
-        columns = (
-            "mm",
-            "ratio",
-            "layout:",
-            "noise %",
-            "Hz",
-            "bound mm",
-            "fit mm",
-            "bound deg",
-            "fit deg",
-            "mm/s",
-            "lost %",
+        table = shown(
+            self.rows,
+            ("shape:", "shape"),
+            ("mm", lambda row: f"{row.size_mm:g}"),
+            *(("ratio", "ratio", 1), ("layout:", "layout")),
+            ("noise %", lambda row: f"{row.noise_percent:g}"),
+            ("Hz", lambda row: f"{row.rate_hz:g}"),
+            *(("bound mm", "bound_mm", 4), ("fit mm", "error_mm", 4)),
+            *(("bound deg", "bound_deg", 3), ("fit deg", "error_deg", 3)),
+            *(("mm/s", "speed_mm_s", 3), ("lost %", "lost_percent", 0)),
+            title="skin designs",
         )
-        table = quiet_table("shape:", *columns, title="skin designs")
-        for row in self.rows:
-            table.add_row(
-                row.shape,
-                f"{row.size_mm:g}",
-                f"{row.ratio:.1f}",
-                row.layout,
-                f"{row.noise_percent:g}",
-                f"{row.rate_hz:g}",
-                number(row.bound_mm, 4),
-                number(row.error_mm, 4),
-                number(row.bound_deg, 3),
-                number(row.error_deg, 3),
-                number(row.speed_mm_s, 3),
-                number(row.lost_percent, 0),
-            )
         console.print(table)
         caption(
             console, "ratio: object over taxel; bound and fit: RMS of one scan, pattern known; mm/s: of the velocity."
@@ -162,14 +141,17 @@ def pressure_of(shape: Body, u: Floats) -> Floats:
     return np.asarray(body + hump if shape == "asymmetric" else body)
 
 
-def lattice(layout: Skin, pitch: float, half: float) -> tuple[Floats, Floats]:
-    """Centres (taxels, 2) within +-half, and places (taxels, m, 2) over each taxel, relative to its centre."""
-    grid = (np.arange(_FINE) + 0.5) / _FINE - 0.5
+def lattice(layout: Skin, pitch: float, half: float, fill: float = 0.9, across: int = 8) -> tuple[Floats, Floats]:
+    """Centres (taxels, 2) within +-half, and places (taxels, m, 2) over each taxel, relative to its centre.
+
+    across: places over the width of a taxel.
+    """
+    grid = (np.arange(across) + 0.5) / across - 0.5
     square = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
     if layout == "square":
         steps = np.arange(-np.ceil(half / pitch), np.ceil(half / pitch) + 1) * pitch
         centres = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-        return centres, np.broadcast_to(_FILL * pitch * square, (len(centres), *square.shape))
+        return centres, np.broadcast_to(fill * pitch * square, (len(centres), *square.shape))
     if layout == "hexagonal":
         apart = pitch * np.sqrt(2 / np.sqrt(3))
         count = int(np.ceil(2 * half / apart)) + 2
@@ -178,7 +160,7 @@ def lattice(layout: Skin, pitch: float, half: float) -> tuple[Floats, Floats]:
         ways = np.stack([[np.cos(a), np.sin(a)] for a in (0.0, np.pi / 3, 2 * np.pi / 3)], axis=1)
         inside = (np.abs(1.2 * square @ ways) <= 0.5).all(axis=1)
         centres = centres[np.abs(centres).max(axis=1) <= half]
-        return centres, np.broadcast_to(_FILL * apart * 1.2 * square[inside], (len(centres), int(inside.sum()), 2))
+        return centres, np.broadcast_to(fill * apart * 1.2 * square[inside], (len(centres), int(inside.sum()), 2))
     side = pitch * 2 / 3**0.25
     height = side * np.sqrt(0.75)
     count = int(np.ceil(half / height)) + 2
@@ -186,7 +168,7 @@ def lattice(layout: Skin, pitch: float, half: float) -> tuple[Floats, Floats]:
     up = (i + j) % 2 == 0
     centres = np.stack([0.5 * side * i, height * (j + np.where(up, 1 / 3, 2 / 3))], axis=-1).reshape(-1, 2)
     weights = np.array([(a, b) for a in grid + 0.5 for b in grid + 0.5 if a + b < 1])
-    own = _FILL * (weights - weights.mean(axis=0)) @ (side * np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]]))
+    own = fill * (weights - weights.mean(axis=0)) @ (side * np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]]))
     places = np.where(up.reshape(-1, 1, 1), own, -own)
     near = np.abs(centres).max(axis=1) <= half
     return centres[near], places[near]
@@ -196,7 +178,7 @@ def _trials(asked: Design, shape: Body, size: float, pitch: float, layout: Skin,
     """Bounds (trials, 3) and errors (trials, 3) of x, y and turn, in object lengths and rad; NaN of a lost fit."""
     random = np.random.default_rng([asked.seed, 7])
     step = pitch / size
-    centres, places = lattice(layout, step, 0.75 + 2 * step)
+    centres, places = lattice(layout, step, 0.75 + 2 * step, asked.fill)
     sigma = noise / 100
     turns = shape != "round"
     bounds, errors = np.full((asked.trials, 3), np.nan), np.full((asked.trials, 3), np.nan)
@@ -218,7 +200,7 @@ def _trials(asked: Design, shape: Body, size: float, pitch: float, layout: Skin,
 
         found = least_squares(off, start if turns else held, method="trf", x_scale=[0.1, 0.1, 0.1, 1.0, 1.0])
         error = found.x[:3] - pose
-        if np.hypot(*error[:2]) < _LOST:
+        if np.hypot(*error[:2]) < 0.25:  # else it has found another minimum
             errors[trial, : len(own)] = error[: len(own)]
     return bounds, errors
 

@@ -16,10 +16,6 @@ _QUANTITIES = (("translation", "mm", "bound_mm", "error_mm"), ("turn", "deg", "b
 _MARKS = (("square", BLUE, "s"), ("hexagonal", VERMILION, "h"), ("triangular", GREEN, "^"))
 _GUIDELINE = 10.0
 """Object over taxel, of the paper."""
-_TICKS = 8
-"""Ratios up to which each one has its tick."""
-_BESIDE = 0.015
-"""Share of the ratio by which points of two layouts stand beside each other."""
 
 
 def draw_design(rows: Sequence[DesignRow], path: Path) -> Path:
@@ -46,7 +42,7 @@ def draw_design(rows: Sequence[DesignRow], path: Path) -> Path:
             "Lines: Cramér-Rao bound of one scan, pattern known. "
             f"Points: RMS error of maximum-likelihood fits, {first.trials} random poses each."
         )
-        caption(figure, seen, 65 * len(shown))
+        caption(figure, seen)
         return save(figure, path)
 
 
@@ -58,14 +54,14 @@ def _draw(axis: Any, rows: Sequence[DesignRow], bound: str, error: str) -> None:
     for number, (layout, colour, mark) in enumerate(_MARKS):
         own = sorted((row for row in rows if row.layout == layout), key=lambda row: row.ratio)
         ratio = [row.ratio for row in own]
-        beside = [(1.0 + (number - 1) * _BESIDE) * row.ratio for row in own]
+        beside = [(1.0 + 0.015 * (number - 1)) * row.ratio for row in own]  # points of two layouts are seen apart
         if own:
             axis.plot(ratio, [getattr(row, bound) for row in own], color=colour, linewidth=1.2)
             axis.plot(beside, [getattr(row, error) for row in own], mark, color=colour, markersize=5, label=layout)
     axis.set_xscale("log")
     axis.set_yscale("log")
     swept = sorted({row.ratio for row in rows})
-    log_ticks(axis.xaxis, swept if len(swept) <= _TICKS else ())
+    log_ticks(axis.xaxis, swept if len(swept) <= 8 else ())
     log_ticks(axis.yaxis)
     axis.axvline(_GUIDELINE, color=GREY, linestyle=":", linewidth=1.0)
     axis.annotate(

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
     from taxelflow.evaluation.control import Course
 
-_LEAST_SCANS = 2
 AXES = ("vx_m_s", "vy_m_s", "omega_rad_s")
 
 
@@ -30,8 +29,8 @@ def recording_to_lerobot(recording: Recording, directory: Path, method: str | No
     """
     scans = [scans for scans in recording.blocks() if len(scans)]
     t_s = np.concatenate([block.t_s for block in scans]) if scans else np.zeros(0)
-    if len(t_s) < _LEAST_SCANS:
-        raise ParameterInvalid("recording", f"{len(t_s)} scans", f"have at least {_LEAST_SCANS}")
+    if len(t_s) < 2:
+        raise ParameterInvalid("recording", f"{len(t_s)} scans", "have at least 2")
     pressure = recording.sensor.to_si * np.concatenate([block.values for block in scans])
     columns = {"observation.pressure": pressure.astype(np.float32), "observation.t_s": t_s}
     names: dict[str, list[str]] = {}

@@ -15,11 +15,10 @@ import numpy as np
 from rich.console import Console
 
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, number, short
+from taxelflow.evaluation.cells import caption, short, shown
 from taxelflow.evaluation.statistics import rms
 from taxelflow.numerics.geometry import wrapped
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor
@@ -33,10 +32,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 SCENES = ("turn-over-hand", "slide-and-turn-over-hand")
-_MOVES_M_S = 0.003
-"""Speed of the object, in truth, above which the direction is scored."""
-_TURNS_RAD_S = 0.05
-"""Rate of rotation, in truth, above which the centre of rotation is scored."""
 
 
 class FieldRow(msgspec.Struct, frozen=True):
@@ -74,6 +69,10 @@ class Field:
     """Recordings of each scenario, 1 or more; seeds 0, 1, ..."""
     methods: tuple[str, ...] = ("convolution",)
     """Estimators to score."""
+    moves_m_s: float = 0.003
+    """Speed of the object, in truth, above which direction and speed are scored, m/s."""
+    turns_rad_s: float = 0.05
+    """Rate of turn, in truth, above which it is scored, rad/s."""
 
     def __post_init__(self) -> None:
         at_least("seeds", self.seeds, 1)
@@ -92,8 +91,29 @@ class Field:
                     found = _twists(replace(recording, sensor=cut.sensor), kind)
                     errors.setdefault((method, cut.name), []).append(found)
             for method, cut in product(kinds, cuts):
-                rows.append(_row(scene, method, cut, *map(np.concatenate, zip(*errors[method, cut.name], strict=True))))
+                twists = map(np.concatenate, zip(*errors[method, cut.name], strict=True))
+                rows.append(self._row(scene, method, cut, *twists))
         return FieldReport(self.seeds, rows)
+
+    def _row(self, scene: str, method: str, cut: _Cut, estimated: Floats, true: Floats) -> FieldRow:
+        speed, turn = np.hypot(true[:, 0], true[:, 1]), true[:, 2]
+        moves = speed > self.moves_m_s
+        turns = (np.abs(turn) > self.turns_rad_s) & np.isfinite(estimated[:, 2])
+        between = np.arctan2(estimated[moves, 1], estimated[moves, 0]) - np.arctan2(true[moves, 1], true[moves, 0])
+        off = np.abs(wrapped(between))
+        error = np.hypot(*(estimated - true)[moves, :2].T)
+        wrong = (estimated - true)[turns, 2]
+        return FieldRow(
+            scenario=scene,
+            method=method,
+            vectors=int(_vectors(cut.sensor)),
+            cut=cut.name,
+            direction_deg=float(np.degrees(np.median(off))) if moves.any() else None,
+            speed_percent=100 * rms(error) / rms(speed[moves]) if moves.any() else None,
+            turn_percent=100 * rms(wrong) / rms(turn[turns]),
+            turn_bias_percent=100 * float(np.mean(np.sign(turn[turns]) * wrong)) / float(np.mean(np.abs(turn[turns]))),
+            scans=len(estimated),
+        )
 
 
 class FieldReport(msgspec.Struct, frozen=True):
@@ -111,20 +131,18 @@ class FieldReport(msgspec.Struct, frozen=True):
         console = Console(markup=False)
         for scenario in dict.fromkeys(row.scenario for row in self.rows):
             title = f"{scenario}, {self.seeds} seeds"
-            table = quiet_table(
-                "vectors", "hand:", "method:", "direction deg", "speed %", "turn %", "turn bias %", title=title
+            table = shown(
+                [row for row in self.rows if row.scenario == scenario],
+                *(("vectors", "vectors"), ("hand:", "cut")),
+                ("method:", lambda row: short(row.method)),
+                *(
+                    ("direction deg", "direction_deg", 1),
+                    ("speed %", "speed_percent", 1),
+                    ("turn %", "turn_percent", 1),
+                ),
+                ("turn bias %", lambda row: f"{row.turn_bias_percent:+.1f}"),
+                title=title,
             )
-            for row in self.rows:
-                if row.scenario == scenario:
-                    table.add_row(
-                        str(row.vectors),
-                        row.cut,
-                        short(row.method),
-                        number(row.direction_deg, 1),
-                        number(row.speed_percent, 1),
-                        f"{row.turn_percent:.1f}",
-                        f"{row.turn_bias_percent:+.1f}",
-                    )
             console.print(table)
             console.print()
         caption(
@@ -184,27 +202,6 @@ def true_twist(truth: Truth, from_s: Floats, to_s: Floats) -> Floats:
     middle = (first + last) / 2
     twist: Floats = rate + rate[:, 2:] * np.stack([middle[:, 1], -middle[:, 0], np.zeros(len(rate))], axis=1)
     return twist
-
-
-def _row(scene: str, method: str, cut: _Cut, estimated: Floats, true: Floats) -> FieldRow:
-    speed, turn = np.hypot(true[:, 0], true[:, 1]), true[:, 2]
-    moves = speed > _MOVES_M_S
-    turns = (np.abs(turn) > _TURNS_RAD_S) & np.isfinite(estimated[:, 2])
-    between = np.arctan2(estimated[moves, 1], estimated[moves, 0]) - np.arctan2(true[moves, 1], true[moves, 0])
-    off = np.abs(wrapped(between))
-    error = np.hypot(*(estimated - true)[moves, :2].T)
-    wrong = (estimated - true)[turns, 2]
-    return FieldRow(
-        scenario=scene,
-        method=method,
-        vectors=int(_vectors(cut.sensor)),
-        cut=cut.name,
-        direction_deg=float(np.degrees(np.median(off))) if moves.any() else None,
-        speed_percent=100 * rms(error) / rms(speed[moves]) if moves.any() else None,
-        turn_percent=100 * rms(wrong) / rms(turn[turns]),
-        turn_bias_percent=100 * float(np.mean(np.sign(turn[turns]) * wrong)) / float(np.mean(np.abs(turn[turns]))),
-        scans=len(estimated),
-    )
 
 
 def _vectors(sensor: Sensor) -> int:

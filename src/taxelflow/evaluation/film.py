@@ -15,6 +15,7 @@ from taxelflow.publish.plots.hand import at_contacts
 from taxelflow.publish.plots.style import look, styled
 from taxelflow.publish.results import read_events, read_result
 from taxelflow.publish.video import check_video, write_video
+from taxelflow.runtime.checks import positive
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -89,8 +90,7 @@ def gathered(directory: Path, *, fps: float, speed: float, from_s: float, to_s: 
 def _frame_times(ran: Summary, fps: float, speed: float, from_s: float, to_s: float | None) -> Floats:
     duration_s = ran.t_last_s - ran.t_first_s
     for name, value in (("fps", fps), ("speed", speed)):
-        if not 0 < value < float("inf"):
-            raise ParameterInvalid(name, value, "be above 0")
+        positive(name, value)
     end_s = duration_s if to_s is None else to_s
     if not 0 <= from_s < duration_s:
         raise ParameterInvalid("from_s", from_s, f"lie within the recording, 0 to {duration_s:.3f} s")

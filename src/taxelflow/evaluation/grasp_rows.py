@@ -28,8 +28,6 @@ STUCK = "finger3_mid"
 _JOINT_ERROR_DEG = 0.2
 JOINT_ERROR_RAD = math.radians(_JOINT_ERROR_DEG)
 """Standard deviation of the joint angles in the last variant."""
-_BOUND_SCANS = 3
-"""Scans of a grasp in which the bound is computed."""
 _GRASP = Grasp()
 """Its object moves along z at the middle of the grasp."""
 VARIANTS = ("known joints", "one pad stuck", f"joints off by {_JOINT_ERROR_DEG:g} deg")
@@ -81,7 +79,7 @@ def grasp_rows(methods: tuple[str, ...], seeds: list[int], exponent: float) -> l
         grasp = Grasp(seed=seed, exponent=exponent)
         grasped = simulate_grasp(grasp)
         shaken = simulate_grasp(replace(grasp, joint_error_rad=JOINT_ERROR_RAD))
-        chosen = np.linspace(grasped.strokes[0].stop, grasped.strokes[-1].stop - 1, _BOUND_SCANS).astype(int).tolist()
+        chosen = np.linspace(grasped.strokes[0].stop, grasped.strokes[-1].stop - 1, 3).astype(int).tolist()
         bounds.append(grasp_bound(grasp, grasped, chosen))
         recordings = zip(VARIANTS, (grasped.recording, _stuck(grasped), shaken.recording), strict=True)
         for (variant, recording), method in product(recordings, methods):
@@ -152,8 +150,8 @@ def _row(variant: str, method: str, runs: list[_Found], bounds: Floats) -> Grasp
         speed_bound_percent=float(100 * along / _GRASP.speed_m_s),
         turn_bound_percent=float(100 * np.linalg.norm(turn) / _GRASP.turn_rad_s),
         nees=float(known[:, 3].mean()) if len(known) else None,
-        pose_mm=1e3 * float(np.sqrt((pose[:, :3] ** 2).sum(axis=1).mean())),
-        pose_deg=float(np.degrees(np.sqrt((pose[:, 3:] ** 2).sum(axis=1).mean()))),
+        pose_mm=1e3 * rms(np.linalg.norm(pose[:, :3], axis=1)),
+        pose_deg=float(np.degrees(rms(np.linalg.norm(pose[:, 3:], axis=1)))),
         bound_mm=1e3 * float(np.sqrt(least[:3].sum())),
         bound_deg=float(np.degrees(np.sqrt(least[3:].sum()))),
         blamed_rightly=float(right.mean()) if variant == VARIANTS[1] else None,

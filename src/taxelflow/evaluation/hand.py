@@ -17,12 +17,11 @@ from rich.console import Console
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.bound import modelled
-from taxelflow.evaluation.cells import caption, number, percent, short
+from taxelflow.evaluation.cells import Column, caption, number, percent, short, shown
 from taxelflow.evaluation.field import SCENES
 from taxelflow.evaluation.grasp_rows import GraspRow, grasp_rows
 from taxelflow.numerics.geometry import rotation
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.motion import move
@@ -125,21 +124,18 @@ class HandReport(msgspec.Struct, frozen=True):
     def show(self) -> None:
         """One table of all scenarios and methods."""
         console = Console(markup=False)
-        columns = ("mm", "bound mm", "ratio", "deg", "bound deg", "ratio", "NEES")
-        title = f"pose of the object over the hand, {self.seeds} seeds from {self.seed}"
-        table = quiet_table("scenario:", "method:", *columns, title=title)
-        for row in self.rows:
-            table.add_row(
-                row.scenario,
-                row.method,
-                number(row.translation_mm, 4),
-                number(row.translation_bound_mm, 4),
-                number(row.translation_ratio, 2),
-                number(row.turn_deg, 4),
-                number(row.turn_bound_deg, 4),
-                number(row.turn_ratio, 2),
-                number(row.nees, 2),
-            )
+        table = shown(
+            self.rows,
+            *(("scenario:", "scenario"), ("method:", "method")),
+            ("mm", lambda row: number(row.translation_mm, 4)),
+            ("bound mm", lambda row: number(row.translation_bound_mm, 4)),
+            ("ratio", "translation_ratio", 2),
+            ("deg", "turn_deg", 4),
+            ("bound deg", lambda row: number(row.turn_bound_deg, 4)),
+            ("ratio", "turn_ratio", 2),
+            ("NEES", "nees", 2),
+            title=f"pose of the object over the hand, {self.seeds} seeds from {self.seed}",
+        )
         console.print(table)
         caption(
             console,
@@ -161,30 +157,25 @@ class HandReport(msgspec.Struct, frozen=True):
 
 
 def _twists(rows: list[GraspRow]) -> Shown:
-    columns = ("dir. deg", "bound", "speed %", "bound", "turn %", "bound", "NEES", "blamed")
-    table = quiet_table("twist:", "method:", *columns)
-    for row in rows:
-        table.add_row(
-            row.variant,
-            short(row.method),
-            number(row.direction_deg, 2),
-            number(row.direction_bound_deg, 2),
-            number(row.speed_percent, 2),
-            number(row.speed_bound_percent, 2),
-            number(row.turn_percent, 2),
-            number(row.turn_bound_percent, 2),
-            number(row.nees, 2),
-            percent(row.blamed_rightly),
-        )
-    return table
+    return shown(
+        rows,
+        ("twist:", "variant"),
+        ("method:", lambda row: short(row.method)),
+        *(("dir. deg", "direction_deg", 2), ("bound", lambda row: number(row.direction_bound_deg, 2))),
+        *(("speed %", "speed_percent", 2), ("bound", lambda row: number(row.speed_bound_percent, 2))),
+        *(("turn %", "turn_percent", 2), ("bound", lambda row: number(row.turn_bound_percent, 2))),
+        ("NEES", "nees", 2),
+        ("blamed", lambda row: percent(row.blamed_rightly)),
+    )
 
 
 def _poses(rows: list[GraspRow]) -> Shown:
-    table = quiet_table("pose:", "method:", "mm", "bound", "deg", "bound")
-    for row in rows:
-        numbers = (row.pose_mm, row.bound_mm, row.pose_deg, row.bound_deg)
-        table.add_row(row.variant, short(row.method), *(number(one, 3) for one in numbers))
-    return table
+    method: Column = ("method:", lambda row: short(row.method))
+    place, turn = (
+        (("mm", lambda row: number(row.pose_mm, 3)), ("bound", "bound_mm", 3)),
+        (("deg", lambda row: number(row.pose_deg, 3)), ("bound", "bound_deg", 3)),
+    )
+    return shown(rows, ("pose:", "variant"), method, *place, *turn)
 
 
 def hand_bound(scenario: Scenario, t_s: Floats) -> Floats:

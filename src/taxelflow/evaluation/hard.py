@@ -15,12 +15,11 @@ from rich.console import Console
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, number, short, solved_by
+from taxelflow.evaluation.cells import caption, short, shown, solved_by
 from taxelflow.evaluation.hard_cases import CASES
 from taxelflow.evaluation.statistics import rms
 from taxelflow.evaluation.strokes import SPEEDS_MM_S, bounds, rms_of, strokes_by, trial, ungrouped
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least
 from taxelflow.simulation.scenario import Solver
 from taxelflow.simulation.simulate import simulate
@@ -38,10 +37,6 @@ if TYPE_CHECKING:
     from taxelflow.simulation.scenario import Scenario
 
 METHODS = ("template",)
-_FAR_PERCENT = 1.0
-"""Strokes whose speed is further off are named."""
-_MOST_FAR = 6
-"""Strokes that are named, of each case."""
 
 
 class HardRow(msgspec.Struct, frozen=True):
@@ -63,7 +58,7 @@ class HardRow(msgspec.Struct, frozen=True):
 
 
 class Far(msgspec.Struct, frozen=True):
-    """A stroke that is more than 1 % off, or has no velocity (error_percent is None)."""
+    """A stroke that is far off, or has no velocity (error_percent is None)."""
 
     nominal_mm_s: int
     method: str
@@ -87,6 +82,8 @@ class Hard:
     """Seed of the first recording, 0 or more; the others count up from it."""
     methods: tuple[str, ...] = METHODS
     """Estimators to score."""
+    far_percent: float = 1.0
+    """Limit of a stroke's error, in percent of the speed, above which the stroke is listed."""
     solver: Solver = "analytic"
     """Contact model of the rig: analytic, or elastic (seconds a contact; extra `elastic`)."""
 
@@ -96,7 +93,7 @@ class Hard:
 
     def run(self, watched: Watch = unwatched) -> HardReport:
         """Simulate every case, estimate, compare. Raises NameUnknown, ParameterInvalid, ExtraMissing (elastic)."""
-        found = _Found()
+        found = _Found(self.far_percent)
         for count in watched(range(self.seeds), "seeds"):
             for speed, case in product(SPEEDS_MM_S, CASES):
                 scenario = case.change(trial(self.seed + count, speed, self.solver))
@@ -139,45 +136,40 @@ class HardReport(msgspec.Struct, frozen=True):
             console,
             "All scans in contact, no factor. ±: standard error of the RMSE. median: of the\n"
             "error's absolute value. bound: Cramér-Rao, each scan by itself, pattern known\n"
-            "(without saturated and dead taxels). far: strokes over 1 % off; below, the\n"
+            "(without saturated and dead taxels). far: strokes beyond --far-percent; below, the\n"
             "furthest as seed/stroke and error in %.",
         )
 
     def _shown(self, method: str, far: dict[tuple[int, str, str], list[Far]]) -> Shown:
         title = f"{short(method)}, {self.seeds} recordings a case, seed {self.seed}{solved_by(self.solver)}"
-        table = quiet_table("mm/s", "strokes:", "n", "RMSE %", "±", "median", "bias", "bound", "far", title=title)
         own = sorted((row for row in self.rows if row.method == method), key=lambda row: row.nominal_mm_s)
-        last = {row.nominal_mm_s: row for row in own}
-        for row in own:
-            table.add_row(
-                str(row.nominal_mm_s),
-                row.case,
-                str(row.strokes),
-                f"{row.rmse_percent:.3f}",
-                number(row.standard_error_percent, 3),
-                f"{row.median_percent:.3f}",
-                f"{row.bias_percent:+.3f}",
-                f"{row.bound_percent:.3f}",
-                str(len(far.get((row.nominal_mm_s, method, row.case), ()))),
-                end_section=row is last[row.nominal_mm_s],
-            )
-        return table
+        return shown(
+            own,
+            *(("mm/s", "nominal_mm_s"), ("strokes:", "case"), ("n", "strokes")),
+            *(("RMSE %", "rmse_percent", 3), ("±", "standard_error_percent", 3), ("median", "median_percent", 3)),
+            ("bias", lambda row: f"{row.bias_percent:+.3f}"),
+            ("bound", "bound_percent", 3),
+            ("far", lambda row: str(len(far.get((row.nominal_mm_s, method, row.case), ())))),
+            title=title,
+            section="nominal_mm_s",
+        )
 
 
-def _furthest(strokes: Sequence[Far]) -> str:
+def _furthest(strokes: Sequence[Far], most: int = 6) -> str:
     """The strokes that are furthest off, those without a velocity first."""
     worst = sorted(strokes, key=lambda one: -abs(one.error_percent or float("inf")))
     named = [
         f"{one.seed}/{one.stroke} " + ("none" if one.error_percent is None else f"{one.error_percent:+.2f}")
-        for one in worst[:_MOST_FAR]
+        for one in worst[:most]
     ]
-    return ", ".join(named) + (", ..." if len(worst) > _MOST_FAR else "")
+    return ", ".join(named) + (", ..." if len(worst) > most else "")
 
 
 class _Found:
     """Errors of all strokes by speed, method and case, recording by recording."""
 
-    def __init__(self) -> None:
+    def __init__(self, far_percent: float) -> None:
+        self._far_percent = far_percent
         self._errors: dict[tuple[int, str, str], list[Floats]] = {}
         self._bounds: dict[tuple[int, str], list[Floats]] = {}
         self._far: list[Far] = []
@@ -188,7 +180,7 @@ class _Found:
             self._bounds.setdefault((speed, name), []).append(bound[own])
             for method, error in errors.items():
                 self._errors.setdefault((speed, method, name), []).append(error[own])
-                self._far += [Far(speed, method, name, seed, *one) for one in _far(error, own)]
+                self._far += [Far(speed, method, name, seed, *one) for one in _far(error, own, self._far_percent)]
 
     def silent(self) -> list[tuple[int, str, str]]:
         """Speed, method and case without any velocity."""
@@ -221,10 +213,10 @@ def _errors(method: str, recording: Recording, scans: Scans, mode: Mode, speed_m
     return np.array([100 * ((-1 if one.backward else 1) * one.all / speed_mm_s - 1) for one in found])
 
 
-def _far(error: Floats, own: slice) -> list[tuple[int, float | None]]:
+def _far(error: Floats, own: slice, percent: float) -> list[tuple[int, float | None]]:
     """Number, from 1, and error of some strokes: those that are far off, or have no velocity."""
     strokes = list(enumerate(error.tolist(), 1))[own]
-    return [(stroke, off if np.isfinite(off) else None) for stroke, off in strokes if not abs(off) <= _FAR_PERCENT]
+    return [(stroke, off if np.isfinite(off) else None) for stroke, off in strokes if not abs(off) <= percent]
 
 
 def _row(speed: int, method: str, name: str, error: list[Floats], limit: list[Floats]) -> HardRow:

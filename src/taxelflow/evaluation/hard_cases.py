@@ -16,22 +16,10 @@ if TYPE_CHECKING:
     from taxelflow.messages import Scans
     from taxelflow.simulation.scenario import Scenario
 
-_STREAMED = 4
-"""Strokes of one object in a stream."""
-_SMALL_M = 0.004
-"""Radius: eight millimetres across, on taxels of ten."""
-_SATURATING_PA = 200e3
-"""Largest pressure of a contact that saturates: above the full scale, `Sensing.full_scale_pa`."""
 INNER_TAXELS = (*range(144, 149), *range(151, 156))
 """Of the palm's two middle rows, between which the object slides, without those at the rows' ends."""
-_DEAD = 2
-"""Dead taxels, and the stream of random numbers that chooses them."""
 _QUIET_PA, _STEP_PA = 250.0, Sensing.full_scale_pa / 1023
 """Noise of a sensor better than the paper's, and its quantisation step."""
-_UNRESTED_M = 0.05
-"""Travel, m: at its ends the object covers other taxels of the palm, and never leaves it."""
-_UNRESTED_SCANS = 28
-"""Scans at both speeds, all of them moving."""
 
 
 def _as_it_is(scans: Scans) -> Scans:
@@ -55,17 +43,18 @@ def _plain(scenario: Scenario) -> Scenario:
 
 
 def _repeated(scenario: Scenario) -> Scenario:
-    return replace(scenario, motion=replace(scenario.motion, strokes=_STREAMED))
+    return replace(scenario, motion=replace(scenario.motion, strokes=4))
 
 
 def with_dead(scenario: Scenario) -> Scenario:
     """Two dead taxels under the object, drawn by the scenario's seed."""
-    dead = np.random.default_rng([scenario.seed, _DEAD]).choice(INNER_TAXELS, _DEAD, replace=False)
+    dead = np.random.default_rng([scenario.seed, 2]).choice(INNER_TAXELS, 2, replace=False)
     return replace(scenario, sensing=replace(scenario.sensing, dead=tuple(dead.tolist())))
 
 
 def _small(scenario: Scenario) -> Scenario:
-    return replace(scenario, contact=replace(scenario.contact, radius_m=_SMALL_M))
+    """Eight millimetres across, on taxels of ten."""
+    return replace(scenario, contact=replace(scenario.contact, radius_m=0.004))
 
 
 def _rolling(scenario: Scenario) -> Scenario:
@@ -73,15 +62,19 @@ def _rolling(scenario: Scenario) -> Scenario:
 
 
 def _saturating(scenario: Scenario) -> Scenario:
-    return replace(scenario, contact=replace(scenario.contact, peak_pa=_SATURATING_PA))
+    """Above the full scale, `Sensing.full_scale_pa`."""
+    return replace(scenario, contact=replace(scenario.contact, peak_pa=200e3))
 
 
-def _unrested(scenario: Scenario) -> Scenario:
-    """Moving from the first to the last scan, so that there is none to learn noise and tare from."""
+def _unrested(scenario: Scenario, scans: int = 28, travel_m: float = 0.05) -> Scenario:
+    """Moving from the first to the last scan, so that there is none to learn noise and tare from.
+
+    scans: of both speeds. travel_m: at its ends the object covers other taxels of the palm, and never leaves it.
+    """
     motion = scenario.motion
-    moving_m = _UNRESTED_SCANS / scenario.sensing.rate_hz * motion.speed_m_s
-    strokes = round(moving_m / _UNRESTED_M)
-    return replace(scenario, motion=replace(motion, rest_s=0.0, travel_m=_UNRESTED_M, strokes=strokes))
+    moving_m = scans / scenario.sensing.rate_hz * motion.speed_m_s
+    strokes = round(moving_m / travel_m)
+    return replace(scenario, motion=replace(motion, rest_s=0.0, travel_m=travel_m, strokes=strokes))
 
 
 def _quiet(scenario: Scenario) -> Scenario:

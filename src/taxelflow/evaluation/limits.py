@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from time import process_time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -18,7 +18,7 @@ from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import Table, unwatched
 from taxelflow.evaluation.bound import bound_of
-from taxelflow.evaluation.cells import caption, number, solved_by
+from taxelflow.evaluation.cells import Column, caption, number, shown, solved_by
 from taxelflow.evaluation.limits_rows import (
     ERROR,
     MOTION,
@@ -41,21 +41,17 @@ from taxelflow.evaluation.limits_rows import (
 from taxelflow.evaluation.pose_errors import Errors, errors_of
 from taxelflow.evaluation.strokes import ungrouped
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime import registry
 from taxelflow.runtime.checks import at_least
 from taxelflow.simulation.scenario import SCENARIOS, Solver
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from rich.table import Table as Shown
 
     from taxelflow.evaluation.base import Cell, Watch
-
-_BINS_A_PITCH = 4
-"""Bins per pitch in which errors are shown over the place."""
 
 
 class Seconds(msgspec.Struct, frozen=True):
@@ -113,7 +109,7 @@ class Limits:
             since=[row for method, own in kept.items() for row in since_rows(method, own)],
             seconds=[Seconds(method, float(np.median(runs.took_s[method]))) for method in kept],
             consistency=[row for method, own in kept.items() for row in consistency_rows(method, own)],
-            places=[row for method, own in kept.items() for row in places(method, own, runs.pitch_mm / _BINS_A_PITCH)],
+            places=[row for method, own in kept.items() for row in places(method, own, runs.pitch_mm / 4)],
             without=without,
         )
 
@@ -215,47 +211,43 @@ class LimitsReport(msgspec.Struct, frozen=True):
 
     def _errors(self) -> Shown:
         ran = f"{self.scenario}, {self.mode}, {self.seeds} seeds from {self.seed}{solved_by(self.solver)}"
-        title = f"{ran}: error over the bound"
-        table = quiet_table(
-            "method:", "scans:", "n", "axis:", "RMS", "±%", "bound", "x known", "x unknown", title=title
+        return shown(
+            self.rows,
+            *(("method:", "method"), ("scans:", "scans"), ("n", "count"), _AXIS),
+            ("RMS", _digits("rms")),
+            ("±%", lambda row: number(share(row), 0)),
+            ("bound", _digits("bound")),
+            *(("x known", "over_known", 2), ("x unknown", "over_unknown", 2)),
+            title=f"{ran}: error over the bound",
         )
-        for row in self.rows:
-            digits = _digits(row.axis)
-            table.add_row(
-                row.method,
-                row.scans,
-                str(row.count),
-                f"{row.axis} {UNITS[row.axis]}",
-                f"{row.rms:.{digits}f}",
-                number(share(row), 0),
-                number(row.bound, digits),
-                number(row.over_known, 2),
-                number(row.over_unknown, 2),
-            )
-        return table
 
 
 def _since(rows: Sequence[SinceRow]) -> Shown:
-    title = "motion since the first scan of a contact, and its bound"
-    table = quiet_table("method:", "n", "axis:", "RMS", "±%", "last", "bound", "unknown", title=title)
-    for row in rows:
-        digits = _digits(row.axis)
-        numbers = [number(value, digits) for value in (row.last, row.known, row.unknown)]
-        name = f"{row.axis} {UNITS[row.axis]}"
-        table.add_row(row.method, str(row.count), name, f"{row.rms:.{digits}f}", number(share(row), 0), *numbers)
-    return table
+    return shown(
+        rows,
+        *(("method:", "method"), ("n", "count"), _AXIS),
+        ("RMS", _digits("rms")),
+        ("±%", lambda row: number(share(row), 0)),
+        *(("last", _digits("last")), ("bound", _digits("known")), ("unknown", _digits("unknown"))),
+        title="motion since the first scan of a contact, and its bound",
+    )
 
 
 def _consistency(rows: Sequence[ConsistencyRow]) -> Shown:
-    title = "NEES of pose differences a degree of freedom; 1: the covariance is right"
-    table = quiet_table("method:", "scans:", "over", "NEES", "95 % band:", "pairs", "independent", title=title)
-    for row in rows:
-        found = row.found
-        band = f"{found.low:.2f}..{found.high:.2f}"
-        numbers = (str(found.pairs), f"{found.independent:.0f}")
-        table.add_row(row.method, row.scans, str(row.over), number(found.nees, 2), band, *numbers)
-    return table
+    return shown(
+        rows,
+        *(("method:", "method"), ("scans:", "scans"), ("over", "over")),
+        ("NEES", lambda row: number(row.found.nees, 2)),
+        ("95 % band:", lambda row: f"{row.found.low:.2f}..{row.found.high:.2f}"),
+        ("pairs", lambda row: str(row.found.pairs)),
+        ("independent", lambda row: f"{row.found.independent:.0f}"),
+        title="NEES of pose differences a degree of freedom; 1: the covariance is right",
+    )
 
 
-def _digits(axis: str) -> int:
-    return 3 if axis == "theta" else 4
+_AXIS: Column = ("axis:", lambda row: f"{row.axis} {UNITS[row.axis]}")
+
+
+def _digits(field: str) -> Callable[[Any], str]:
+    """A number in mm, or in degrees with one decimal less."""
+    return lambda row: number(getattr(row, field), 3 if row.axis == "theta" else 4)

@@ -16,7 +16,6 @@ import numpy as np
 from numba.core import event
 
 from taxelflow.acquire.base import Recording
-from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import Table, Watch, table_of, unwatched
 from taxelflow.evaluation.live_hand import loaded_hand
 from taxelflow.evaluation.live_late import LateRow, late_rows
@@ -27,7 +26,7 @@ from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.replay import Replay
 from taxelflow.publish.quiet import quiet_table
-from taxelflow.runtime.checks import not_negative
+from taxelflow.runtime.checks import at_least, not_negative, positive
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,11 +34,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from taxelflow.sensors.sensor import Sensor
-
-_SETTLED = 50
-"""Scans that are left out: noise is learned from the first ones."""
-_HANDS, _HANDS_HZ = 10, 100.0
-"""Hands that one process estimates, and the rate of each."""
 
 
 class StepRow(msgspec.Struct, frozen=True):
@@ -58,7 +52,7 @@ class StepRow(msgspec.Struct, frozen=True):
 
 
 class HandsRow(msgspec.Struct, frozen=True):
-    """Ten hands at 100 Hz in one process; what learns beside them is not counted."""
+    """Several hands in one process; what learns beside them is not counted."""
 
     method: str
     hands: int
@@ -129,7 +123,9 @@ class LiveBench:
     methods: tuple[str, ...] = ("convolution", "template")
     """Estimators."""
     rate_hz: float = 1000.0
-    """Rate of the scans, Hz; the ten hands are at 100 Hz."""
+    """Rate of the scans of one hand, Hz."""
+    hands: int = 10
+    """Number of hands that one process estimates, each at 100 Hz; 1 or more."""
     seconds: float = 20.0
     """Duration of the scans that are processed without pauses, s."""
     paced_s: float = 10.0
@@ -140,20 +136,20 @@ class LiveBench:
     """First seed of that table."""
 
     def __post_init__(self) -> None:
-        for name, value in (("rate-hz", self.rate_hz), ("seconds", self.seconds), ("paced-s", self.paced_s)):
-            if not value > 0:
-                raise ParameterInvalid(name, value, "be above 0")
-        for name, seed in (("late-seeds", self.late_seeds), ("late-seed", self.late_seed)):
-            not_negative(name, seed)
+        at_least("hands", self.hands, 1)
+        for name in ("rate_hz", "seconds", "paced_s"):
+            positive(name, getattr(self, name))
+        for name in ("late_seeds", "late_seed"):
+            not_negative(name, getattr(self, name))
 
     def run(self, watched: Watch = unwatched) -> LiveReport:
         """Measure."""
         sensor, scans = loaded_hand(self.seconds, self.rate_hz)
-        _, slow = loaded_hand(10.0, _HANDS_HZ)
+        _, slow = loaded_hand(10.0, 100.0)
         steps, hands, paced, histogram = [], [], [], []
         for method in watched(self.methods, "methods"):
             steps.append(_steps(method, sensor, scans, self.rate_hz))
-            hands.append(_hands(method, sensor, slow))
+            hands.append(_hands(method, sensor, slow, self.hands))
             row, latencies = _paced(method, sensor, scans, self.rate_hz, self.paced_s)
             paced.append(row)
             histogram += [
@@ -189,14 +185,14 @@ def _steps(method: str, sensor: Sensor, scans: RawScans, rate_hz: float) -> Step
             spent[scan] = time.thread_time() - began
         live.finish()
     gc.unfreeze()
-    settled = 1e3 * spent[_SETTLED:]
+    settled = 1e3 * spent[50:]  # noise is learned from the first ones
     p50, p99, p99_9 = np.quantile(settled, [0.5, 0.99, 0.999]).tolist()
     over = int(np.sum(settled > 2.0))
     return StepRow(method, rate_hz, len(scans), p50, p99, p99_9, float(settled.max()), over, compiles.count)
 
 
-def _hands(method: str, sensor: Sensor, scans: RawScans) -> HandsRow:
-    lives = [Live(sensor, method) for _ in range(_HANDS)]
+def _hands(method: str, sensor: Sensor, scans: RawScans, count: int) -> HandsRow:
+    lives = [Live(sensor, method) for _ in range(count)]
     began = time.process_time()
     for scan in range(len(scans)):
         block = cut(scans, scan, scan + 1)
@@ -205,7 +201,7 @@ def _hands(method: str, sensor: Sensor, scans: RawScans) -> HandsRow:
     for live in lives:
         live.finish()
     spent = time.process_time() - began
-    return HandsRow(method, _HANDS, spent * _HANDS_HZ / len(scans))
+    return HandsRow(method, count, 100.0 * spent / len(scans))
 
 
 def _paced(method: str, sensor: Sensor, scans: RawScans, rate_hz: float, seconds: float) -> tuple[PacedRow, Latencies]:

@@ -18,16 +18,17 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
     from taxelflow.simulation.scenario import Sensing
 
-_IDLE_S, _EVERY_S, _LIFT_S, _SPEED_M_S = 0.3, 5.0, 0.5, 0.01
-"""Time without contact at the start; time from lift to lift; duration of a lift; speed of the object."""
 _STROKE = SCENARIOS["stroke"]
 BASELINE_PA = _STROKE.sensing.baseline_pa[1]
 """Readings without load."""
 
 
-def loaded_hand(seconds: float, rate_hz: float) -> tuple[Sensor, RawScans]:
-    """Scans of the paper's hand, 162 taxels: on each of 7 pads an object slides to and fro; all lift off for 0.5 s at
-    the end of every 5 s. Without groups, whose slips would be counted beside their pads'.
+def loaded_hand(
+    seconds: float, rate_hz: float, *, idle_s: float = 0.3, every_s: float = 5.0, lift_s: float = 0.5
+) -> tuple[Sensor, RawScans]:
+    """Scans of the paper's hand, 162 taxels: on each of 7 pads an object slides to and fro. All begin after `idle_s`,
+    and lift off for `lift_s` at the end of every `every_s`. Without groups, whose slips would be counted beside their
+    pads'.
     """
     sensor = msgspec.structs.replace(load_sensor(_STROKE.sensor), groups=())
     layout, count = sensor.layout, round(seconds * rate_hz)
@@ -39,19 +40,21 @@ def loaded_hand(seconds: float, rate_hz: float) -> tuple[Sensor, RawScans]:
         touch[:, own] = simulate(scenario).load().values[:count, own]
     t_s = np.arange(count) / rate_hz
     baseline, noise = BASELINE_PA / sensor.to_si, _STROKE.sensing.noise_pa / sensor.to_si
-    touched = (t_s > _IDLE_S) & (t_s % _EVERY_S < _EVERY_S - _LIFT_S)
+    touched = (t_s > idle_s) & (t_s % every_s < every_s - lift_s)
     values = baseline + (touch - baseline) * touched[:, np.newaxis]
     return sensor, RawScans(t_s, values + np.random.default_rng(0).normal(0, noise, values.shape))
 
 
-def to_and_fro(layout: Layout, pad: int, sensing: Sensing, *, seconds: float, radius_pitches: float) -> Scenario:
+def to_and_fro(
+    layout: Layout, pad: int, sensing: Sensing, *, seconds: float, radius_pitches: float, speed_m_s: float = 0.01
+) -> Scenario:
     """An object that slides by a pitch to and fro on one pad, for as long at least."""
     pitch_m = float(layout.pitch_m[pad].min())
     motion = Motion(
-        speed_m_s=_SPEED_M_S,
+        speed_m_s=speed_m_s,
         direction_rad=0.7,
         travel_m=pitch_m,
-        strokes=int(np.ceil(seconds * _SPEED_M_S / pitch_m)) + 2,
+        strokes=int(np.ceil(seconds * speed_m_s / pitch_m)) + 2,
         middle_m=(0.0, 0.0),
         rest_s=0.0,
     )

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Floats
 
-DELAYS_S = (0.0, 0.1, 0.5, 2.0)
-"""The first is what the others are compared with: used in the next scan."""
 _SCENARIOS = ("stroke", "slide-and-turn", "feet-on-grid")
 
 
@@ -40,11 +38,11 @@ class LateRow(msgspec.Struct, frozen=True):
     """Share of the scans in contact whose pose is `ok`."""
 
 
-def late_rows(seeds: Sequence[int]) -> Iterator[LateRow]:
-    """A row for each scenario and delay, over these seeds."""
+def late_rows(seeds: Sequence[int], delays_s: Sequence[float] = (0.0, 0.1, 0.5, 2.0)) -> Iterator[LateRow]:
+    """A row for each scenario and delay, over these seeds. The first delay is what the others are compared with."""
     for name in _SCENARIOS:
         first = None
-        for delay_s in DELAYS_S:
+        for delay_s in delays_s:
             found = [_squares(replace(SCENARIOS[name], seed=seed), delay_s) for seed in seeds]
             squares = np.concatenate(found)
             known = squares[np.isfinite(squares)]

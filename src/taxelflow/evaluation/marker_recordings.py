@@ -29,33 +29,37 @@ _SENSOR = "xela-4x4@4.7mm"
 _POSITION = ("marker1_position_x", "marker1_position_y", "marker1_position_z")
 _FARTHEST_M = 1.5
 """A marker on an object in the hand is nearer to the hand's camera than this."""
-_HALF_S = 0.15
-"""A speed is measured over this time before and after: three scans of the sensor, four or more of the camera."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Marked:
-    """A recording, and the positions of its marker. t_s: (times,). position: (times, 3), m."""
+    """A recording, and the positions of its marker. t_s: (times,). position: (times, 3), m.
+
+    half_s: a speed is measured over this time before and after, three scans of the sensor, four or more of the camera.
+    """
 
     name: str
     recording: Recording
     t_s: Floats
     position: Floats
+    half_s: float = 0.15
 
     def at(self, t_s: Floats) -> Floats:
         """(times, 3), the marker's position, m; NaN where it was lost."""
         return np.stack([self._between(t_s, axis) for axis in range(3)], axis=1)
 
     def speed_m_s(self, t_s: Floats) -> Floats:
-        """(times,), its speed over 0.15 s before and after; NaN where it was lost."""
-        way = self.at(t_s + _HALF_S) - self.at(t_s - _HALF_S)
-        speed: Floats = np.linalg.norm(way, axis=1) / (2 * _HALF_S)
+        """(times,), its speed; NaN where it was lost."""
+        way = self.at(t_s + self.half_s) - self.at(t_s - self.half_s)
+        speed: Floats = np.linalg.norm(way, axis=1) / (2 * self.half_s)
         return speed
 
     def _between(self, t_s: Floats, axis: int) -> Floats:
         """Linear interpolation; NaN between poses farther apart than the time over which a speed is measured."""
         after = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
-        known = (self.t_s[after] - self.t_s[after - 1] <= 2 * _HALF_S) & (t_s >= self.t_s[0]) & (t_s <= self.t_s[-1])
+        known = (
+            (self.t_s[after] - self.t_s[after - 1] <= 2 * self.half_s) & (t_s >= self.t_s[0]) & (t_s <= self.t_s[-1])
+        )
         return np.where(known, np.interp(t_s, self.t_s, self.position[:, axis]), np.nan)
 
 

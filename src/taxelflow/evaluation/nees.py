@@ -20,10 +20,6 @@ if TYPE_CHECKING:
 
 SPANS = (1, 20, 100)
 """Scans that the differences reach over."""
-_SURE = 0.95
-"""Probability of the interval in which a consistent NEES lies."""
-_MOST = 1e9
-"""Upper limit of a NEES in the autocorrelation, because it may be infinite."""
 
 
 class Consistency(msgspec.Struct, frozen=True):
@@ -49,11 +45,10 @@ def consistency(contacts: Sequence[tuple[Floats, Floats]], over: int) -> Consist
     if not found:
         return Consistency(None, None, None, 0, 0.0)
     nees, freedom = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    independent = max(
-        len(nees) / _correlation([np.minimum(own / axes, _MOST) for own, axes in found]), float(len(found))
-    )
+    finite = [np.minimum(own / axes, 1e9) for own, axes in found]  # a NEES may be infinite
+    independent = max(len(nees) / _correlation(finite), float(len(found)))
     degrees = float(freedom.mean()) * independent
-    low, high = (float(chi2.ppf(share, degrees) / degrees) for share in ((1 - _SURE) / 2, (1 + _SURE) / 2))
+    low, high = (float(chi2.ppf(share, degrees) / degrees) for share in (0.025, 0.975))
     return Consistency(float(nees.sum() / freedom.sum()), low, high, len(nees), independent)
 
 

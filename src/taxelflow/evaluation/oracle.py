@@ -20,16 +20,8 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Bools, Floats
 
-_FINE = 4
-"""Possible times of begin or end per scan interval."""
-_OVERSHOOT = 0.02
-"""Factor on the threshold. The statistic overshoots it by far in a single scan, so that false alarms are rarer than the
-threshold alone implies.
-"""
 _STOPS_PER_S = 3.6
 """One over the mean duration of the rig's slips."""
-_SCANS_BEFORE, _SCANS_AFTER = 60, 30
-"""Scans before a slip's begin and after its end in which the oracle decides."""
 
 
 def called(
@@ -48,8 +40,8 @@ def called(
         if end - begin > 1:
             speed = (place[end - 1] - place[begin]) / (t_s[end - 1] - t_s[begin])
             before, after = (
-                slice(max(rests, begin - _SCANS_BEFORE), end),
-                slice(begin, min(end + _SCANS_AFTER, following)),
+                slice(max(rests, begin - 60), end),
+                slice(begin, min(end + 30, following)),
             )
             begun = _begun(t_s[before], seen[before] - place[max(begin - 1, 0)], information[before], speed, alarm_s)
             on_line = place[begin] + speed * (t_s[after] - t_s[begin])[:, np.newaxis]
@@ -61,8 +53,11 @@ def called(
 
 
 def _begun(t_s: Floats, off: Floats, information: Floats, speed: Floats, alarm_s: float) -> Bools:
-    """(scans,), whether a slip has been reported. off: (scans, 2), poses less the place of rest."""
-    begun: Bools = np.maximum.accumulate(_statistic(t_s, off, information, speed) > _OVERSHOOT * alarm_s)
+    """(scans,), whether a slip has been reported. off: (scans, 2), poses less the place of rest.
+
+    The statistic overshoots its threshold by far in a single scan: a 50th of it keeps the rate of false alarms.
+    """
+    begun: Bools = np.maximum.accumulate(_statistic(t_s, off, information, speed) > 0.02 * alarm_s)
     return begun
 
 
@@ -71,13 +66,13 @@ def _stopped(t_s: Floats, off: Floats, information: Floats, speed: Floats) -> Bo
     return _statistic(t_s, off, information, -speed) * _STOPS_PER_S > 1.0
 
 
-def _statistic(t_s: Floats, off: Floats, information: Floats, speed: Floats) -> Floats:
+def _statistic(t_s: Floats, off: Floats, information: Floats, speed: Floats, times_a_scan: int = 4) -> Floats:
     """(scans,), s: Shiryaev-Roberts statistic, the integral of the likelihood ratio over the time of onset.
 
     The ratio is that of motion since then at velocity `speed` (2,) to no motion, for poses off (scans, 2) with
     `information` (scans, 2, 2).
     """
-    count = _FINE * (len(t_s) - 1)
+    count = times_a_scan * (len(t_s) - 1)
     share_s = (t_s[-1] - t_s[0]) / count
     times = t_s[0] + share_s * (np.arange(count) + 0.5)
     way = np.maximum(t_s[:, np.newaxis] - times, 0.0)[..., np.newaxis] * speed

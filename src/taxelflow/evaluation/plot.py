@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import heapq
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -17,7 +16,8 @@ from taxelflow.publish.figures import PadTracks, Pictures, ResultPictures, Views
 from taxelflow.publish.patterns import read_patterns
 from taxelflow.publish.plots.hand import Moment, at_contacts
 from taxelflow.publish.plots.pattern import Contact
-from taxelflow.publish.results import Track, read_events, read_orientations, read_result
+from taxelflow.publish.plots.style import pressure_unit
+from taxelflow.publish.results import Track, read_events, read_motions, read_orientations, read_result
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,12 +26,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Event, Floats, LearnedPattern
     from taxelflow.publish.summary import Summary
 
-_MOST_PADS = 4
-"""Pads that are drawn, those with the longest contact."""
-_FEWEST_PADS = 2
-"""Pads that must have a slip vector at the same time for a field of them."""
-_MOMENTS = 3
-"""Scans drawn of those in which most pads slip: one in each part of them."""
 _FAST = 0.75
 """The scan drawn is this quantile of its part by speed: clearly moving, and not the one that is farthest off."""
 _SHARE = 0.2
@@ -102,14 +96,14 @@ def _by_pad(events: Sequence[Event]) -> dict[str, list[Event]]:
     return found
 
 
-def _busiest(summary: Summary) -> list[str]:
-    """Pads, and contacts that were split, with the longest contact first."""
+def _busiest(summary: Summary, most: int = 4) -> list[str]:
+    """Pads, and contacts that were split, with the longest contact first; so many at most."""
     groups = {group.name for group in summary.layout.groups}  # they lie on pads
     names = [name for name in summary.layout.layout.pads if name not in groups]
     loaded = [(summary.pads[name].contact_scans, name) for name in names if summary.pads[name].contact_scans]
     if not loaded:
         raise ResultMissing(Path(summary.input), "contact at all, so there is nothing to draw")
-    return [name for _, name in heapq.nlargest(_MOST_PADS, loaded)]
+    return [name for _, name in heapq.nlargest(most, loaded)]
 
 
 def _pictures(
@@ -189,8 +183,11 @@ def _axis_track(pad: str, result: _Result, results: Sequence[_Result]) -> Track 
     return Track("principal_axis", pad, {"theta_rad": angle}, {})
 
 
-def _moments(result: _Result, recording: Recording | None) -> list[Moment]:
-    """Up to three moments at which most pads slip; none if no two pads ever have a slip vector while one slips."""
+def _moments(result: _Result, recording: Recording | None, most: int = 3) -> list[Moment]:
+    """Moments at which most pads slip; none if no two pads ever have a slip vector while one slips.
+
+    The scans in which most pads slip are cut into so many parts, of each of which one is drawn.
+    """
     layout = result.ran.layout.layout
     t_s = result.tracks[0].numbers["t_s"]
     own = {track.pad: track for track in result.tracks}
@@ -200,7 +197,7 @@ def _moments(result: _Result, recording: Recording | None) -> list[Moment]:
     v = np.stack([[track.numbers[name] for name in names] for track in ordered]).transpose(2, 0, 1)
     slipping = np.stack([track.flags["slipping"] for track in ordered], axis=1)
     known = np.isfinite(v[..., 0]) & np.isfinite(layout.T_hand[:, 0])
-    several = known[:, : layout.pad_count].sum(axis=1) >= _FEWEST_PADS
+    several = known[:, : layout.pad_count].sum(axis=1) >= 2
     known &= layout.independent
     moving, slips = np.hypot(v[..., 0], v[..., 1]), slipping & np.isfinite(v[..., 0])
     speed = np.where(known & slipping, moving, 0.0).sum(axis=1)
@@ -208,10 +205,10 @@ def _moments(result: _Result, recording: Recording | None) -> list[Moment]:
     count = np.where(several & fast, (known & slipping).sum(axis=1), 0)
     if not count.max(initial=0):
         return []
-    parts = filter(len, np.array_split(np.flatnonzero(count == count.max()), _MOMENTS))
+    parts = filter(len, np.array_split(np.flatnonzero(count == count.max()), most))
     chosen = [int(part[np.argsort(speed[part])[int(np.ceil(_FAST * (len(part) - 1)))]]) for part in parts]
     pressure = {} if recording is None else pressure_at(result.ran, recording, t_s[chosen].tolist())
-    twists = _twists(result.directory)
+    twists = read_motions(result.directory)
     moments = []
     for k in chosen:
         title, shade = f"{t_s[k] - t_s[0]:.2f} s", pressure.get(float(t_s[k]))
@@ -219,17 +216,6 @@ def _moments(result: _Result, recording: Recording | None) -> list[Moment]:
         places[~known[k]] = vectors[~known[k]] = np.nan
         moments.append(Moment(title, places, vectors, twists[k, :3], twists[k, 3:], shade, faint=~slipping[k]))
     return moments
-
-
-def _twists(directory: Path) -> Floats:
-    """(scans, 5) of object.csv: velocity, rate of turn, centre of rotation. Raises ResultMissing."""
-    names = ("vx_m_s", "vy_m_s", "omega_rad_s", "cx_m", "cy_m")
-    try:
-        with (directory / "object.csv").open(newline="", encoding="utf-8") as file:
-            rows = [[float(row[name] or "nan") for name in names] for row in csv.DictReader(file)]
-    except (OSError, ValueError, KeyError, csv.Error) as error:
-        raise ResultMissing(directory, f"readable object.csv ({error})") from error
-    return np.array(rows).reshape(-1, len(names))
 
 
 def _views(results: Sequence[_Result], pad: str, recording: Recording) -> Views | None:
@@ -244,7 +230,7 @@ def _views(results: Sequence[_Result], pad: str, recording: Recording) -> Views 
     scan = _largest_slip(track)
     t_s = float(track.numbers["t_s"][scan])
     before, now = _two_scans(ran, recording, number, t_s)
-    scale, unit = (1e3, "kPa") if ran.unit == "Pa" and np.nanmax(now) > 1e4 else (1.0, ran.unit)
+    scale, unit = pressure_unit(ran.unit, float(np.nanmax(now)))
     dx_mm, dy_mm = (1e3 * float(track.numbers[name][scan]) for name in ("dx_m", "dy_m"))
     slip_mm = (dx_mm, dy_mm) if np.isfinite(dx_mm) and np.isfinite(dy_mm) else (0.0, 0.0)
     title = f"{pad} at {t_s - float(track.numbers['t_s'][0]):.2f} s"

@@ -24,12 +24,11 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.template.online.session import StreamSession
 from taxelflow.estimation.template.parameters import Template
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption
+from taxelflow.evaluation.cells import caption, number, shown
 from taxelflow.evaluation.statistics import rms
 from taxelflow.messages import LOST, OK, cut
 from taxelflow.numerics.spans import spans
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -42,10 +41,6 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 _PREDICTIONS = ("forecast", "no motion", "registered", "centroid")
-_FEWEST = 10
-"""Scans of a contact below which its turn is not compared."""
-_LOADED = 0.25
-"""Share of the contact's largest load above which the turns are compared."""
 
 
 class PredictionRow(msgspec.Struct, frozen=True):
@@ -142,22 +137,19 @@ class PredictionReport(msgspec.Struct, frozen=True):
 
 
 def _errors_shown(rows: Sequence[PredictionRow]) -> Shown:
-    table = quiet_table("pad:", "scans", "forecast", "no motion", "registered", "centroid", "noise", "lost")
-    for row in rows:
-        errors = (row.forecast_percent, row.no_motion_percent, row.registered_percent, row.centroid_percent)
-        numbers = [f"{error:.1f}" for error in (*errors, row.noise_percent)]
-        table.add_row(row.pad, str(row.scans), *numbers, str(row.lost))
-    return table
+    names = ("forecast", "no motion", "registered", "centroid", "noise")
+    errors = [(name, f"{name.replace(' ', '_')}_percent", 1) for name in names]
+    return shown(rows, ("pad:", "pad"), ("scans", "scans"), *errors, ("lost", "lost"))
 
 
 def _turns_shown(turns: Sequence[Turn]) -> Shown:
-    table = quiet_table("pad:", "from s", "scans", "template deg", "axis deg", "apart deg", "ok %")
-    for turn in turns:
-        angles = (f"{turn.template_deg:+.1f}", f"{turn.axis_deg:+.1f}")
-        table.add_row(
-            turn.pad, f"{turn.from_s:.2f}", str(turn.scans), *angles, f"{turn.apart_deg:.1f}", f"{turn.ok_percent:.0f}"
-        )
-    return table
+    return shown(
+        turns,
+        *(("pad:", "pad"), ("from s", "from_s", 2), ("scans", "scans")),
+        ("template deg", lambda turn: f"{turn.template_deg:+.1f}"),
+        ("axis deg", lambda turn: f"{turn.axis_deg:+.1f}"),
+        *(("apart deg", "apart_deg", 1), ("ok %", lambda turn: number(turn.ok_percent, 0))),
+    )
 
 
 def score_recordings(recordings: Sequence[Recording], watched: Watch = unwatched) -> PredictionReport:
@@ -262,7 +254,8 @@ def _row(name: str, pad: str, sums: _Sums) -> PredictionRow:
     )
 
 
-def _turns(recording: Recording) -> list[Turn]:
+def _turns(recording: Recording, fewest: int = 10, loaded: float = 0.25) -> list[Turn]:
+    """Of contacts with so many scans that have this share of the contact's largest load, at least."""
     template, axis = (api.estimate(recording, method).slips for method in ("template", "principal_axis"))
     layout, found = recording.layout, []
     for pad in range(layout.pad_count):
@@ -270,8 +263,8 @@ def _turns(recording: Recording) -> list[Turn]:
         for first, last in spans(template.contact[:, pad]):
             theta, other = template.pose[first:last, pad, 2], axis.pose[first:last, pad, 2]
             load = template.load[first:last, pad]
-            both = np.flatnonzero(np.isfinite(theta) & np.isfinite(other) & (load >= _LOADED * load.max()))
-            if len(both) >= max(_FEWEST, best.scans if best else 0):
+            both = np.flatnonzero(np.isfinite(theta) & np.isfinite(other) & (load >= loaded * load.max()))
+            if len(both) >= max(fewest, best.scans if best else 0):
                 theta, other = np.degrees(theta[both]), np.degrees(other[both])
                 gap = theta - other
                 best = Turn(

@@ -12,7 +12,7 @@ from taxelflow.evaluation.report_scans import Shown, health_of, key_scans
 from taxelflow.evaluation.source import source_of
 from taxelflow.publish.plots.film import on_one_plane
 from taxelflow.publish.plots.outlines import extent_mm
-from taxelflow.publish.plots.style import look
+from taxelflow.publish.plots.style import BLUE, GREEN, MAGENTA, VERMILION, look
 from taxelflow.publish.report.charts import hand_chart, result_chart, truth_chart
 from taxelflow.publish.report.page import Report, Section, Sheet, write_report
 from taxelflow.publish.results import Track, read_events, read_result
@@ -29,7 +29,7 @@ _MOST_BYTES = 3.4e6
 """Text of all trajectories together; the rest of the page takes some hundred kB."""
 _MOST_EVENTS = 500
 """Events in the table; how many more there are is stated."""
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc2fa0", "#8a6d00", "#56b4e9")
+_COLOURS = (BLUE, VERMILION, GREEN, MAGENTA, "#8a6d00", "#56b4e9")
 """Okabe and Ito's, in the order of results; a method keeps the colour of its pictures if no other result has it."""
 
 

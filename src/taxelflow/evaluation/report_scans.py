@@ -11,8 +11,8 @@ from taxelflow.evaluation.checkup import check_up
 from taxelflow.evaluation.source import pressure_at
 from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.spans import spans
-from taxelflow.publish.plots.film import box_mm
 from taxelflow.publish.plots.hand import at_contacts
+from taxelflow.publish.plots.outlines import box_mm
 from taxelflow.publish.report.charts import shades
 from taxelflow.publish.report.page import Sheet
 

@@ -15,7 +15,7 @@ from rich.console import Console
 from taxelflow.errors import NameUnknown, TipsOver
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, number, percent, short
+from taxelflow.evaluation.cells import Column, caption, number, percent, short, shown
 from taxelflow.evaluation.robustness_rows import SIMPLE, CaseRow, RobustnessSummary, row_of, summaries, with_ratios
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
@@ -178,38 +178,27 @@ class RobustnessReport(msgspec.Struct, frozen=True):
         return table
 
     def _honesty(self, method: str) -> Shown:
-        columns = ("ratio", "mm", "deg", "NEES xy", "NEES turn", "ok %", "wrong %")
-        table = quiet_table("effect:", "shape:", "layout:", *columns, title=method)
-        for row in self.rows:
-            if row.method == method:
-                numbers = (
-                    number(row.ratio, 2),
-                    number(row.error_mm, 3),
-                    number(row.error_deg, 2),
-                    number(row.nees_position, 1),
-                    number(row.nees_turn, 1),
-                    percent(row.ok_share),
-                    percent(row.wrong_share, 1),
-                )
-                table.add_row(row.effect, row.shape, row.layout, *numbers)
-        return table
+        return shown(
+            [row for row in self.rows if row.method == method],
+            *(("effect:", "effect"), ("shape:", "shape"), ("layout:", "layout")),
+            *(("ratio", "ratio", 2), ("mm", "error_mm", 3), ("deg", "error_deg", 2)),
+            *(("NEES xy", "nees_position", 1), ("NEES turn", "nees_turn", 1), *_SHARES),
+            title=method,
+        )
 
 
 def _summary(rows: Sequence[RobustnessSummary]) -> Shown:
-    columns = ("cases", "worse", "better %", "ratio", "worst", "NEES xy", "NEES turn", "ok %", "wrong %")
-    table = quiet_table("effect:", "method:", *columns, title="summary")
-    for row in rows:
-        table.add_row(
-            row.effect,
-            row.method,
-            str(row.cases),
-            str(row.worse),
-            percent(row.better_share),
-            number(row.median_ratio, 2),
-            number(row.largest_ratio, 2),
-            number(row.nees_position, 1),
-            number(row.nees_turn, 1),
-            percent(row.ok_share),
-            percent(row.wrong_share, 1),
-        )
-    return table
+    return shown(
+        rows,
+        *(("effect:", "effect"), ("method:", "method"), ("cases", "cases"), ("worse", "worse")),
+        ("better %", lambda row: percent(row.better_share)),
+        *(("ratio", "median_ratio", 2), ("worst", "largest_ratio", 2)),
+        *(("NEES xy", "nees_position", 1), ("NEES turn", "nees_turn", 1), *_SHARES),
+        title="summary",
+    )
+
+
+_SHARES: tuple[Column, Column] = (
+    ("ok %", lambda row: percent(row.ok_share)),
+    ("wrong %", lambda row: percent(row.wrong_share, 1)),
+)

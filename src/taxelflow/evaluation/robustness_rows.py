@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.evaluation.pose_errors import without_frame
-from taxelflow.evaluation.statistics import finite
+from taxelflow.evaluation.statistics import finite, rms
 from taxelflow.messages import LOST, OK
 from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.simulation.relief.course import follow
@@ -21,14 +21,6 @@ if TYPE_CHECKING:
 
 SIMPLE = ("lnorm", "convolution", "registration")
 """Methods without a map; the others are compared with the best of these."""
-_SETTLED_S = 1.0
-"""Time after the first contact from which a stream is scored, s."""
-_FEWEST_SHARE = 0.5
-"""Least share of the scans in contact that must have a pose, or else a method has no error."""
-_WRONG_M = 3e-4
-"""A significant error above this is wrong, where the quality is ok."""
-_WORSE, _BETTER = 1.1, 1 / 3
-"""Ratios above which a case is worse, and below which it is better."""
 
 
 class CaseRow(msgspec.Struct, frozen=True):
@@ -90,28 +82,33 @@ class RobustnessSummary(msgspec.Struct, frozen=True):
 
 
 def row_of(names: tuple[str, str, str, int, str], pressing: Pressing, slips: Slips, pad: int, mode: str) -> CaseRow:
-    """One method's row, without the ratio. names: effect, shape, layout, seed, method."""
+    """One method's row, without the ratio. names: effect, shape, layout, seed, method.
+
+    A stream is scored from one second after the first contact on; with a pose in less than half of the scans in
+    contact, a method has no error.
+    """
     lag_s = np.nan_to_num(slips.lag_s[:, pad])
     path = follow(pressing.course, pressing.rate_hz, slips.t_s - lag_s)
     scored = slips.contact[:, pad] & (path.load > 0)
     if mode == "stream" and scored.any():
-        scored &= slips.t_s >= slips.t_s[np.argmax(scored)] + _SETTLED_S
+        scored &= slips.t_s >= slips.t_s[np.argmax(scored)] + 1.0
     pose = _poses(slips, pad, path.pose)
     known = scored & np.isfinite(pose[:, :2]).all(axis=1) & (slips.quality[:, pad] != LOST)
     scans, ok = int(scored.sum()), scored & (slips.quality[:, pad] == OK)
     share = float(known.sum()) / scans if scans else 0.0
-    if not scans or share < _FEWEST_SHARE:
+    if not scans or share < 0.5:
         return CaseRow(*names, scans, share, None, None, None, None, int(ok.sum()), None)
     error = np.full(pose.shape, np.nan)
     error[known] = without_frame(pose[known], path.pose[known], np.ones((int(known.sum()), 3)))
+    turns = error[np.isfinite(error[:, 2]), 2]
     squared, turned = _normalised(error, slips.covariance[:, pad])
     stated = np.isfinite(squared)
     return CaseRow(
         *names,
         scans=scans,
         known_share=share,
-        error_mm=1e3 * _rms(np.hypot(error[:, 0], error[:, 1])),
-        error_deg=float(np.degrees(_rms(error[:, 2]))) if np.isfinite(error[:, 2]).any() else None,
+        error_mm=1e3 * rms(np.hypot(*error[known, :2].T)),
+        error_deg=float(np.degrees(rms(turns))) if len(turns) else None,
         nees_position=float(squared[stated].mean()) / 2 if stated.any() else None,
         nees_turn=float(np.nanmean(turned)) if np.isfinite(turned).any() else None,
         ok=int(ok.sum()),
@@ -147,12 +144,8 @@ def _normalised(error: Floats, covariance: Floats) -> tuple[Floats, Floats]:
 def _wrong(error: Floats, squared: Floats) -> Bools:
     """Whether a position (scans,) is off by more than 3 sigma and 0.3 mm. squared: (scans,), over the covariance."""
     with np.errstate(invalid="ignore"):
-        wrong: Bools = (squared > SIGNIFICANT**2) & (np.hypot(error[:, 0], error[:, 1]) > _WRONG_M)
+        wrong: Bools = (squared > SIGNIFICANT**2) & (np.hypot(error[:, 0], error[:, 1]) > 3e-4)
     return wrong
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.nanmean(values**2)))
 
 
 def with_ratios(rows: Sequence[CaseRow]) -> list[CaseRow]:
@@ -197,8 +190,8 @@ def _summary(effect: str, method: str, rows: Sequence[CaseRow]) -> RobustnessSum
         effect=effect,
         method=method,
         cases=len(compared),
-        worse=int((ratios > _WORSE).sum()),
-        better_share=float((ratios < _BETTER).mean()) if len(ratios) else 0.0,
+        worse=int((ratios > 1.1).sum()),
+        better_share=float((ratios < 1 / 3).mean()) if len(ratios) else 0.0,
         median_ratio=finite(np.median(ratios)) if len(ratios) else None,
         largest_ratio=finite(ratios.max()) if len(ratios) else None,
         nees_position=_median([row.nees_position for row in own]),

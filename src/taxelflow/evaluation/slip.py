@@ -20,10 +20,9 @@ from scipy.stats import chi2
 
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, number
+from taxelflow.evaluation.cells import Column, caption, shown
 from taxelflow.evaluation.slip_scoring import MODES, NOISE, OBJECTS, Job, Tally, found_by
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import at_least, not_negative
 from taxelflow.slip.parameters import SlipMonitor
 
@@ -39,8 +38,6 @@ HOLDS = ("hold-pressed", "hold-at-edge", "hold-drifting", "hold-wobbling")
 APART = ("roll", "tilt")
 FRESH_SEED = 1000
 """Seeds below were used while the slip detector was made; the score's begin here."""
-_BLOCK_S = 60.0
-"""Duration of one recording of a still object."""
 
 
 class SlipRow(msgspec.Struct, frozen=True):
@@ -137,7 +134,7 @@ class Slip:
     def _jobs(self) -> list[Job]:
         """Recordings of slips, then of still objects, then white noise."""
         first, rate = FRESH_SEED + self.seed, self.alarms_per_hour
-        blocks = ceil(self.hours * 3600 / _BLOCK_S) if self.methods else 0
+        blocks = ceil(self.hours * 60) if self.methods else 0  # recordings of a minute
         names = [(name, k) for name in OBJECTS for k in range(self.seeds)]
         names += [(name, k) for name in (*HOLDS, *APART) for k in range(blocks)]
         jobs = [Job(name, first + k, self.methods, rate) for name, k in names]
@@ -182,28 +179,31 @@ class SlipReport(msgspec.Struct, frozen=True):
 
     def _still(self) -> Shown:
         title = f"still objects, {self.alarms_per_hour:g} false alarms an hour asked for, seeds from {self.first_seed}"
-        table = quiet_table("scenario:", "method:", "hours", "alarms", "an hour", "95 %:", "scatter", title=title)
-        for row in self.holds:
-            rate, low, high = (
-                f"{rate:.0f}" if rate >= 100 else f"{rate:.2g}" for rate in (row.per_hour, row.low, row.high)
-            )
-            numbers = (f"{row.hours:.2f}", str(row.alarms), rate, f"{low} to {high}", f"{row.scatter:.2f}")
-            table.add_row(row.scenario, row.method, *numbers)
-        return table
+        return shown(
+            self.holds,
+            *(("scenario:", "scenario"), ("method:", "method"), ("hours", "hours", 2), ("alarms", "alarms")),
+            ("an hour", lambda row: _rate(row.per_hour)),
+            ("95 %:", lambda row: f"{_rate(row.low)} to {_rate(row.high)}"),
+            ("scatter", "scatter", 2),
+            title=title,
+        )
+
+
+def _rate(per_hour: float) -> str:
+    return f"{per_hour:.0f}" if per_hour >= 100 else f"{per_hour:.2g}"
 
 
 def _slips_found(rows: Sequence[SlipRow], title: str) -> Shown:
-    live = ["best"] if any(row.mode == "stream" for row in rows) else []
-    table = quiet_table(
-        "object:", "method:", "F1", *live, "ms", "p90", "miss", "false", "split", "deg", "%", title=title
+    live: list[Column] = [("best", "f1_oracle", 3)] if any(row.mode == "stream" for row in rows) else []
+    return shown(
+        rows,
+        *(("object:", "object"), ("method:", "method"), ("F1", "f1", 3)),
+        *live,
+        *(("ms", "onset_ms", 0), ("p90", "onset_p90_ms", 0)),
+        *(("miss", "missed"), ("false", "false"), ("split", "split")),
+        *(("deg", "direction_deg", 0), ("%", "speed_percent", 0)),
+        title=title,
     )
-    for row in rows:
-        best = [number(row.f1_oracle, 3)] * len(live)
-        onsets = [f"{ms:.0f}" for ms in (row.onset_ms, row.onset_p90_ms)]
-        counts = [str(count) for count in (row.missed, row.false, row.split)]
-        motion = (f"{row.direction_deg:.0f}", f"{row.speed_percent:.0f}")
-        table.add_row(row.object, row.method, f"{row.f1:.3f}", *best, *onsets, *counts, *motion)
-    return table
 
 
 def _slip_row(name: str, method: str, mode: Mode, tally: Tally) -> SlipRow:

@@ -17,6 +17,7 @@ import numpy as np
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.oracle import called
 from taxelflow.messages import OK, Event, Slips, joined
+from taxelflow.numerics.geometry import wrapped
 from taxelflow.numerics.spans import spans
 from taxelflow.pipeline import api
 from taxelflow.runtime.compiling import announced
@@ -183,8 +184,8 @@ def _judge_motion(stop: Event, way: Floats, lasts_s: float, tally: Tally) -> Non
     """Direction and speed of a slip that has ended, against its way (3,)."""
     if np.isfinite(stop.speed_m_s) and lasts_s > 0:
         speed = float(np.hypot(way[0], way[1])) / lasts_s
-        off = stop.direction_rad - float(np.arctan2(way[1], way[0]))
-        tally.direction_deg.append(float(np.degrees(abs((off + np.pi) % (2 * np.pi) - np.pi))))
+        off = np.asarray(stop.direction_rad - np.arctan2(way[1], way[0]))
+        tally.direction_deg.append(float(np.degrees(abs(wrapped(off)))))
         tally.speed_percent.append(100 * abs(stop.speed_m_s / speed - 1))
 
 

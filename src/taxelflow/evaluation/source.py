@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import msgspec
+
+from taxelflow.acquire.columns import Columns
 from taxelflow.condition.parameters import Conditioner
-from taxelflow.errors import RecordingError
+from taxelflow.errors import ParameterInvalid, RecordingError
 from taxelflow.numerics.clock import SAME_S
 from taxelflow.pipeline import api
 
@@ -20,9 +23,11 @@ if TYPE_CHECKING:
 def source_of(summary: Summary) -> Recording | None:
     """The recording of a result; None if it is gone, or has been replaced by another since."""
     try:
-        recording = api.read(summary.input, summary.layout)
+        topic, columns = summary.asked.get("topic"), summary.asked.get("columns")
+        how = None if columns is None else Columns.of_record(columns)
+        recording = api.read(summary.input, summary.layout, topic=topic, columns=how)
         first = next(recording.blocks())
-    except RecordingError:
+    except (RecordingError, ParameterInvalid, msgspec.ValidationError, OSError):
         return None
     count = summary.scans + summary.repeated_scans_dropped
     same = recording.scans in (None, count) or summary.loss is not None

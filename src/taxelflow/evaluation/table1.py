@@ -14,7 +14,7 @@ from rich.console import Console
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, decimals, short, solved_by
+from taxelflow.evaluation.cells import Column, caption, decimals, short, shown, solved_by
 from taxelflow.evaluation.strokes import (
     Row,
     Stroke,
@@ -26,11 +26,10 @@ from taxelflow.evaluation.strokes import (
     ungrouped,
 )
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.simulation.simulate import simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from rich.table import Table as Shown
 
@@ -114,36 +113,28 @@ class Table1Report(msgspec.Struct, frozen=True):
 
 
 def _paper_table(rows: Sequence[PaperRow]) -> Shown:
-    title = "Table I as published: one trial"
-    table = quiet_table("mm/s", "method:", "backward", "forward", "RMSE mm/s", "RMSE %", title=title)
-    for row in rows:
-        numbers = (row.backward_mm_s, row.forward_mm_s, row.rmse_mm_s)
-        table.add_row(
-            str(row.nominal_mm_s), short(row.method), *(f"{value:.2f}" for value in numbers), f"{row.rmse_percent:.1f}"
-        )
-    return table
+    speeds = (("backward", "backward_mm_s", 2), ("forward", "forward_mm_s", 2), ("RMSE mm/s", "rmse_mm_s", 2))
+    columns = (("mm/s", "nominal_mm_s"), _METHOD, *speeds, ("RMSE %", "rmse_percent", 1))
+    return shown(rows, *columns, title="Table I as published: one trial")
 
 
 def _our_table(report: Table1Report) -> Shown:
-    title = f"ours: {report.strokes} strokes a speed, seed {report.seed}" + solved_by(report.solver)
-    table = quiet_table("mm/s", "method:", "scans:", "factor", "back", "forth", "RMSE", "%", "±", "bias", title=title)
-    last = {row.nominal_mm_s: row for row in report.ours}
-    for row in report.ours:
-        digits = decimals(row.rmse_percent)
-        table.add_row(
-            str(row.nominal_mm_s),
-            short(row.method),
-            row.scans,
-            "none" if row.factor == 1.0 else _factor(row),
-            f"{row.backward_mm_s:.2f}",
-            f"{row.forward_mm_s:.2f}",
-            f"{row.rmse_mm_s:.{digits}f}",
-            f"{row.rmse_percent:.{digits}f}",
-            f"{row.standard_error_percent:.{digits}f}",
-            f"{row.bias_percent:+.{digits - 1}f}",
-            end_section=row is last[row.nominal_mm_s],
-        )
-    return table
+    def error(field: str, form: str = ".{}f", fewer: int = 0) -> Callable[[Row], str]:
+        return lambda row: format(getattr(row, field), form.format(decimals(row.rmse_percent) - fewer))
+
+    return shown(
+        report.ours,
+        *(("mm/s", "nominal_mm_s"), _METHOD, ("scans:", "scans")),
+        ("factor", lambda row: "none" if row.factor == 1.0 else _factor(row)),
+        *(("back", "backward_mm_s", 2), ("forth", "forward_mm_s", 2)),
+        *(("RMSE", error("rmse_mm_s")), ("%", error("rmse_percent")), ("±", error("standard_error_percent"))),
+        ("bias", error("bias_percent", "+.{}f", fewer=1)),
+        title=f"ours: {report.strokes} strokes a speed, seed {report.seed}" + solved_by(report.solver),
+        section="nominal_mm_s",
+    )
+
+
+_METHOD: Column = ("method:", lambda row: short(row.method))
 
 
 def _factor(row: Row) -> str:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import Table, Watch, table_of, unwatched
 from taxelflow.evaluation.live_bench import resident_mb
 from taxelflow.evaluation.view import Filling
@@ -28,6 +27,7 @@ from taxelflow.publish.view.browser import BrowserFailed, drawn_by, headless
 from taxelflow.publish.view.history import History, Results
 from taxelflow.publish.view.page import Page
 from taxelflow.publish.view.server import PANEL_PIXELS, PageServer
+from taxelflow.runtime.checks import positive
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import save
 
@@ -119,9 +119,8 @@ class ViewBench:
     """Rate of the scans, Hz."""
 
     def __post_init__(self) -> None:
-        for name, value in (("seconds", self.seconds), ("rate-hz", self.rate_hz)):
-            if not value > 0:
-                raise ParameterInvalid(name, value, "be above 0")
+        positive("seconds", self.seconds)
+        positive("rate_hz", self.rate_hz)
 
     def run(self, watched: Watch = unwatched) -> ViewReport:
         """Measure. Raises BrowserMissing, BrowserFailed, ExtraMissing."""

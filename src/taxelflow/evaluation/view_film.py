@@ -13,6 +13,7 @@ from taxelflow.publish.video import check_video, write_video
 from taxelflow.publish.view.browser import PATIENCE_S, drawn_by, headless, installed_browser
 from taxelflow.publish.view.camera import FOV_RAD
 from taxelflow.publish.view.server import PANEL_PIXELS, PageServer
+from taxelflow.runtime.checks import not_negative, positive
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -92,8 +93,6 @@ def _frames(page: Page, drawn: Any, times: Any) -> Iterator[Frame]:
 
 
 def _check(part: Part) -> None:
-    for name, value in (("fps", part.fps), ("speed", part.speed)):
-        if not 0 < value < float("inf"):
-            raise ParameterInvalid(name, value, "be above 0")
-    if not part.from_s >= 0:
-        raise ParameterInvalid("from", part.from_s, "be 0 or more")
+    positive("fps", part.fps)
+    positive("speed", part.speed)
+    not_negative("from", part.from_s)

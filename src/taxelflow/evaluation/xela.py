@@ -1,7 +1,7 @@
 """Score xela: slip and stillness of a real skin against a marker on the object.
 
-A scan moves if the marker is faster than 8 mm/s at the time of its pose, and is still below 3 mm/s; scans in between,
-in the first second or the last half second of a contact, or without the marker are not judged. Slip detection was tuned
+A scan moves if the marker is fast at the time of its pose, and is still if it is slow; scans in between, at begin and
+end of a contact, or without the marker are not judged. Slip detection was tuned
 on every other recording, by name; the others test it.
 """
 
@@ -21,16 +21,16 @@ from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, number
+from taxelflow.evaluation.cells import caption, number, percent, shown
 from taxelflow.evaluation.marker_recordings import marked_recordings, open_marked
+from taxelflow.evaluation.statistics import resampled
 from taxelflow.messages import OK
 from taxelflow.numerics.spans import spans
 from taxelflow.pipeline import api
-from taxelflow.publish.quiet import quiet_table
 from taxelflow.runtime.checks import not_negative
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from rich.table import Table as Shown
 
@@ -42,10 +42,6 @@ if TYPE_CHECKING:
 Half = Literal["tune", "test"]
 MODES: tuple[Mode, ...] = ("batch", "stream")
 HALVES: tuple[Half, ...] = ("tune", "test")
-_MOVES_M_S, _STILL_M_S = 8e-3, 3e-3
-"""Speeds of the marker above which an object moves, and below which it is still: the camera's noise is 1-2 mm/s."""
-_CLOSING_S, _OPENING_S = 1.0, 0.5
-"""Begin and end of a contact that are not judged: the grip closes or opens, and the object goes along."""
 
 
 class MarkedRow(msgspec.Struct, frozen=True):
@@ -111,8 +107,18 @@ class Xela:
     stream_delay_s: float = 0.0
     """Delay of the slips of a stream besides that of its poses, s; subtracted before they are scored."""
 
+    moves_m_s: float = 8e-3
+    """Speed of the marker above which the object moves, m/s."""
+    still_m_s: float = 3e-3
+    """Speed of the marker below which the object is still, m/s; the camera's noise is 1 to 2 mm/s."""
+    closing_s: float = 1.0
+    """Time at the begin of a contact that is not judged, s: the grip closes, and the object moves with it."""
+    opening_s: float = 0.5
+    """Time at the end of a contact that is not judged, s."""
+
     def __post_init__(self) -> None:
-        not_negative("stream_delay_s", self.stream_delay_s)
+        for name in ("stream_delay_s", "moves_m_s", "still_m_s", "closing_s", "opening_s"):
+            not_negative(name, getattr(self, name))
         if self.folder is None:
             raise ParameterInvalid("folder", "nothing", "name the folder of the recordings")
 
@@ -130,8 +136,38 @@ class Xela:
                 for mode in modes:
                     result = api.estimate(marked.recording, method, mode=mode, condition=Conditioner(tare="start"))
                     delay_s = self.stream_delay_s if mode == "stream" else 0.0
-                    found.append(judged(marked, result, half, method, delay_s))
+                    found.append(self.judged(marked, result, half, method, delay_s))
         return XelaReport(summed(found), found)
+
+    def judged(self, marked: Marked, result: Result, half: Half, method: str, delay_s: float = 0.0) -> MarkedRow:
+        """A result of one pad against the marker. delay_s: of its slips besides that of its poses."""
+        slips, slipping = result.slips, result.slipping[:, 0]
+        t_s = slips.t_s - np.nan_to_num(slips.lag_s[:, 0]) - delay_s
+        speed = np.where(self._settled(slips.t_s, slips.contact[:, 0]), marked.speed_m_s(t_s), np.nan)
+        moves, still = speed > self.moves_m_s, speed < self.still_m_s
+        ok = still & (slips.quality[:, 0] == OK)
+        intervals = np.cumsum(moves | ~slips.contact[:, 0])  # a motion or a release ends a still interval
+        excursions = _excursions(slips.pose[ok, 0, :2], marked.at(t_s[ok]), intervals[ok])
+        return MarkedRow(
+            recording=marked.name,
+            half=half,
+            method=method,
+            mode="stream" if result.summary.mode == "stream" else "batch",
+            moving=int(moves.sum()),
+            still=int(still.sum()),
+            found=int((moves & slipping).sum()),
+            false=int((still & slipping).sum()),
+            still_ok=int(ok.sum()),
+            excursion_mm=1e3 * max(excursions) if excursions else None,
+        )
+
+    def _settled(self, t_s: Floats, contact: Bools) -> Bools:
+        """(scans,), in contact, and neither at its begin nor at its end."""
+        settled = np.zeros_like(contact)
+        for first, last in spans(contact):
+            own = t_s[first:last]
+            settled[first:last] = (own >= own[0] + self.closing_s) & (own <= own[-1] - self.opening_s)
+        return settled
 
 
 class XelaReport(msgspec.Struct, frozen=True):
@@ -153,60 +189,28 @@ class XelaReport(msgspec.Struct, frozen=True):
                 console.print()
         caption(
             console,
-            "In %. F1, prec, rec: scans that move (marker above 8 mm/s) against scans called\n"
-            "slipping. still: scans below 3 mm/s that are called slipping. mm, worst: largest\n"
+            "In %. F1, prec, rec: scans that move by the marker against scans called\n"
+            "slipping. still: scans that are still by it and called slipping. mm, worst: largest\n"
             "excursion of ok poses while still, median over recordings and largest. ok: of\n"
             "the still scans. 95 %: bootstrap over recordings.",
         )
 
 
 def _shown(rows: Sequence[XelaRow], title: str) -> Shown:
-    headings = ("F1", "95 %:", "prec", "rec", "still", "95 %:", "mm", "worst", "ok")
-    table = quiet_table("method:", "mode:", *headings, title=title)
-    for row in rows:
-        share, interval = _percents(row.f1), f"{_percents(row.f1_low)}-{_percents(row.f1_high)}"
-        called = f"{row.still_slipping_low:.0f}-{row.still_slipping_high:.0f}"
-        found = (share, interval, _percents(row.precision), _percents(row.recall))
-        excursion = (number(row.excursion_median_mm, 1), number(row.excursion_worst_mm, 1))
-        still = (f"{row.still_slipping_percent:.0f}", called, *excursion, f"{row.still_ok_percent:.0f}")
-        table.add_row(row.method, row.mode, *found, *still)
-    return table
-
-
-def _percents(share: float) -> str:
-    return f"{100 * share:.0f}"
-
-
-def judged(marked: Marked, result: Result, half: Half, method: str, delay_s: float = 0.0) -> MarkedRow:
-    """A result of one pad against the marker. delay_s: of its slips besides that of its poses."""
-    slips, slipping = result.slips, result.slipping[:, 0]
-    t_s = slips.t_s - np.nan_to_num(slips.lag_s[:, 0]) - delay_s
-    speed = np.where(_settled(slips.t_s, slips.contact[:, 0]), marked.speed_m_s(t_s), np.nan)
-    moves, still = speed > _MOVES_M_S, speed < _STILL_M_S
-    ok = still & (slips.quality[:, 0] == OK)
-    intervals = np.cumsum(moves | ~slips.contact[:, 0])  # a motion or a release ends a still interval
-    excursions = _excursions(slips.pose[ok, 0, :2], marked.at(t_s[ok]), intervals[ok])
-    return MarkedRow(
-        recording=marked.name,
-        half=half,
-        method=method,
-        mode="stream" if result.summary.mode == "stream" else "batch",
-        moving=int(moves.sum()),
-        still=int(still.sum()),
-        found=int((moves & slipping).sum()),
-        false=int((still & slipping).sum()),
-        still_ok=int(ok.sum()),
-        excursion_mm=1e3 * max(excursions) if excursions else None,
+    return shown(
+        rows,
+        *(("method:", "method"), ("mode:", "mode")),
+        ("F1", lambda row: percent(row.f1)),
+        ("95 %:", lambda row: f"{percent(row.f1_low)}-{percent(row.f1_high)}"),
+        ("prec", lambda row: percent(row.precision)),
+        ("rec", lambda row: percent(row.recall)),
+        ("still", "still_slipping_percent", 0),
+        ("95 %:", lambda row: f"{row.still_slipping_low:.0f}-{row.still_slipping_high:.0f}"),
+        ("mm", lambda row: number(row.excursion_median_mm, 1)),
+        ("worst", lambda row: number(row.excursion_worst_mm, 1)),
+        ("ok", lambda row: number(row.still_ok_percent, 0)),
+        title=title,
     )
-
-
-def _settled(t_s: Floats, contact: Bools) -> Bools:
-    """(scans,), in contact, and neither in its first second nor in its last half second."""
-    settled = np.zeros_like(contact)
-    for first, last in spans(contact):
-        own = t_s[first:last]
-        settled[first:last] = (own >= own[0] + _CLOSING_S) & (own <= own[-1] - _OPENING_S)
-    return settled
 
 
 def _excursions(place: Floats, marker: Floats, interval: Floats) -> list[float]:
@@ -233,8 +237,8 @@ def _summed(key: tuple[Half, str, Mode], rows: list[MarkedRow]) -> XelaRow:
     counts = np.array([(row.moving, row.still, row.found, row.false, row.still_ok) for row in rows], dtype=np.float64)
     excursions = [row.excursion_mm for row in rows if row.excursion_mm is not None]
     moving, still, found, false, still_ok = counts.sum(axis=0)
-    f1_low, f1_high = _interval(counts, _f1)
-    called_low, called_high = _interval(counts, _still_slipping)
+    f1_low, f1_high = resampled(counts, lambda drawn: _f1(drawn.sum(axis=1)), 2000)
+    called_low, called_high = resampled(counts, lambda drawn: _still_slipping(drawn.sum(axis=1)), 2000)
     return XelaRow(
         half=half,
         method=method,
@@ -266,10 +270,3 @@ def _still_slipping(sums: Floats) -> Floats:
     _, still, _, false, _ = sums.T
     percent: Floats = 100 * false / np.maximum(still, 1)
     return percent
-
-
-def _interval(counts: Floats, measure: Callable[[Floats], Floats]) -> tuple[float, float]:
-    """Of 95 %. counts: (recordings, kinds). measure: from sums (draws, kinds)."""
-    draws = np.random.default_rng(0).integers(len(counts), size=(2000, len(counts)))
-    low, high = np.quantile(measure(counts[draws].sum(axis=1)), (0.025, 0.975))
-    return float(low), float(high)

@@ -88,6 +88,7 @@ def read(
     if not isinstance(recording, Recording):
         error = TypeError(f"it gives a {type(recording).__name__}, not a Recording")
         raise registry.broken("reader", suffix, error)
+    recording = replace(recording, asked=asked)
     return recording if joints is None else replace(recording, joints=asked_joints(joints, recording.sensor))
 
 

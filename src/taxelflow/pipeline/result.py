@@ -12,10 +12,11 @@ import numpy as np
 
 from taxelflow.errors import ExtraMissing, NameUnknown
 from taxelflow.messages import QUALITY, Bools, Contacts, Event, Floats, LearnedPattern, Motions, Slips, SpatialMotions
+from taxelflow.publish.columns import slip_columns
 from taxelflow.publish.contact_summary import ContactSummary
 from taxelflow.publish.contact_table import contact_table
 from taxelflow.publish.summary import Summary
-from taxelflow.publish.tables import Tables, slip_columns
+from taxelflow.publish.tables import Tables
 from taxelflow.runtime import registry
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import msgspec
 import numpy as np
 
+from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.joints import declared_joints
 from taxelflow.errors import ExtraMissing
 from taxelflow.estimation.smoothing.parameters import NOTE
@@ -71,6 +72,9 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
             *([NOTE] if pipeline.smooth.acceleration_m_s2 else []),
         ],
         layout=recording.sensor,
+        asked={
+            name: value.recorded() if isinstance(value, Columns) else value for name, value in recording.asked.items()
+        },
         loss=str(run.reading.loss) if run.reading.loss else None,
         repeated_values_dropped=counts.repeated,
         rate_hz=1 / counts.usual_s if counts.usual_s > 0 else None,

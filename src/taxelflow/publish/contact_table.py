@@ -8,11 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from taxelflow.publish.summary import Summary
 
-_MOST_CONTACTS = 20
-"""Contacts that a table shows."""
-_FINE_M = 1e-4
-"""Standard deviation below which a number in mm has two decimals."""
-
 
 class ContactTable(NamedTuple):
     """Contacts for people: headings, those of columns of text with a colon at the end, rows of cells, and the number of
@@ -24,15 +19,15 @@ class ContactTable(NamedTuple):
     hidden: int
 
 
-def contact_table(summary: Summary) -> ContactTable:
-    """A row per contact of a pad, times from the first scan; groups lie on pads, and are not shown."""
+def contact_table(summary: Summary, most: int = 20) -> ContactTable:
+    """A row per contact of a pad, times from the first scan; groups lie on pads, and are not shown. most: contacts."""
     groups = {group.name for group in summary.layout.groups}
     contacts = [contact for contact in summary.contacts if contact.pad not in groups]
     turns = any(contact.turn_rad is not None for contact in contacts)
     headings = ["pad:", "begin\ns", "lasts\ns", "slips", "slip path\nmm", "slip speed\nmm/s", "net x, y\nmm"]
     headings.append("turn\ndeg" if turns else "at\nborder")  # both need more than 80 letters
     rows = []
-    for contact in contacts[:_MOST_CONTACTS]:
+    for contact in contacts[:most]:
         cells = [
             contact.pad,
             f"{contact.t_s - summary.t_first_s:.2f}",
@@ -44,14 +39,14 @@ def contact_table(summary: Summary) -> ContactTable:
         ]
         turn = "-" if contact.turn_rad is None else f"{degrees(contact.turn_rad):.1f}"
         rows.append([*cells, turn if turns else f"{100 * contact.border_share:.0f} %"])
-    return ContactTable(headings, rows, max(len(contacts) - _MOST_CONTACTS, 0))
+    return ContactTable(headings, rows, max(len(contacts) - most, 0))
 
 
 def _measured(value: float | None, std: float | None) -> str:
-    """A length or speed in mm with its standard deviation."""
+    """A length or speed in mm with its standard deviation; two decimals where that is below 0.1 mm."""
     if not value:
         return "-"
     if std is None:
         return f"{1e3 * value:.1f}"
-    digits = 2 if std < _FINE_M else 1
+    digits = 2 if std < 1e-4 else 1
     return f"{1e3 * value:.{digits}f}±{1e3 * std:.{digits}f}"

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 VERSION = "v3.0"
 FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _ONLY = FILE.format(chunk_index=0, file_index=0)
-_CHUNK_FILES, _FILE_MB = 1000, 100
-"""Limits that the format declares; nothing here reaches them."""
 _INDICES = ("frame_index", "episode_index", "index", "task_index")
 _TASK_INDEX = {
     "index_columns": ["task"],
@@ -119,15 +117,9 @@ def _episodes(arrow: Any, episodes: Sequence[Episode]) -> Any:
 
 def _stats(values: NDArray[Any]) -> dict[str, list[Any]]:
     """Minimum, maximum, mean and standard deviation per number, over the frames where it is known; and their count."""
-    table = values.reshape(len(values), -1).astype(np.float64)
-    known = np.isfinite(table)
-    count = np.maximum(known.sum(axis=0), 1)
-    mean = np.where(known, table, 0.0).sum(axis=0) / count
-    spread = np.sqrt((np.where(known, table - mean, 0.0) ** 2).sum(axis=0) / count)
-    low, high = np.where(known, table, np.inf).min(axis=0), np.where(known, table, -np.inf).max(axis=0)
-    blank = ~known.any(axis=0)
-    parts = {"min": np.where(blank, 0.0, low), "max": np.where(blank, 0.0, high), "mean": mean, "std": spread}
-    return {**{name: part.tolist() for name, part in parts.items()}, "count": [len(values)]}
+    known = np.ma.masked_invalid(values.reshape(len(values), -1).astype(np.float64))
+    parts = {"min": known.min(axis=0), "max": known.max(axis=0), "mean": known.mean(axis=0), "std": known.std(axis=0)}
+    return {**{name: np.ma.filled(part, 0.0).tolist() for name, part in parts.items()}, "count": [len(values)]}
 
 
 def _info(
@@ -144,9 +136,9 @@ def _info(
         "total_episodes": len(episodes),
         "total_frames": sum(map(len, episodes)),
         "total_tasks": len(tasks),
-        "chunks_size": _CHUNK_FILES,
-        "data_files_size_in_mb": _FILE_MB,
-        "video_files_size_in_mb": _FILE_MB,
+        "chunks_size": 1000,  # limits that the format declares; nothing here reaches them
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 100,
         "fps": rate,
         "splits": {"train": f"0:{len(episodes)}"},
         "data_path": f"data/{FILE}",

@@ -6,21 +6,18 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Self
 
 from taxelflow.errors import ExtraMissing, written_at
-from taxelflow.publish.spatial import COLUMNS, COUNTS, TEXTS, spatial_values
+from taxelflow.publish.columns import EVENTS, OBJECT, SLIPS, event_rows, kind_of, motion_rows, slip_columns
+from taxelflow.publish.spatial import COLUMNS, spatial_values
 from taxelflow.publish.spatial import NAME as SPATIAL
-from taxelflow.publish.tables import EVENTS, OBJECT, SLIPS, event_columns, motion_columns, slip_columns
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     from taxelflow.messages import Bools, Event, Floats, Motions, Slips, SpatialMotions
 
 NAMES = {"slips": SLIPS, "object": OBJECT, "events": EVENTS}
 """Columns of each table, by the stem of its file."""
-_TEXTS = {"pad", "event", "quality", *TEXTS}
-_FLAGS = {"contact", "slipping", "border_x", "border_y"}
-_COUNTS = {"pads", *COUNTS}
 
 
 class ParquetTables:
@@ -59,17 +56,15 @@ class ParquetTables:
         """Append one block."""
         with written_at(self.directory):
             self._append("slips", slip_columns(slips, slipping, evidence, self._pads))
-            rows = list(motion_columns(motions))
-            self._append("object", {name: [row[k] for row in rows] for k, name in enumerate(OBJECT)})
-            self._append("events", event_columns(events))
+            self._append("object", _by_name(OBJECT, motion_rows(motions)))
+            self._append("events", _by_name(EVENTS, event_rows(events)))
 
     def write_spatial(self, motions: SpatialMotions) -> None:
         """Append one block to `object3d.parquet`, which there is only where the pads' places in space are known."""
         with written_at(self.directory):
             if SPATIAL not in self._files:
                 self._begin(SPATIAL, COLUMNS)
-            rows = list(spatial_values(motions, self._pads))
-            self._append(SPATIAL, {name: [row[k] for row in rows] for k, name in enumerate(COLUMNS)})
+            self._append(SPATIAL, _by_name(COLUMNS, spatial_values(motions, self._pads)))
 
     def _append(self, name: str, columns: dict[str, Any]) -> None:
         schema = self._files[name].schema
@@ -82,8 +77,12 @@ class ParquetTables:
             self._files[name].write_table(table)
 
     def _type(self, column: str) -> Any:
-        if column in _TEXTS:
-            return self._arrow.string()
-        if column in _FLAGS:
-            return self._arrow.bool_()
-        return self._arrow.int64() if column in _COUNTS else self._arrow.float64()
+        arrow = self._arrow
+        kinds = {"text": arrow.string(), "flag": arrow.bool_(), "count": arrow.int64()}
+        return kinds.get(kind_of(column), arrow.float64())
+
+
+def _by_name(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> dict[str, list[Any]]:
+    """Values by column."""
+    held = list(rows)
+    return {name: [row[k] for row in held] for k, name in enumerate(columns)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TextIO
 
@@ -12,10 +13,11 @@ import numpy as np
 
 from taxelflow.errors import ResultMissing
 from taxelflow.messages import OK, QUALITY, Event
+from taxelflow.publish.columns import EVENTS
 from taxelflow.publish.summary import Summary
-from taxelflow.publish.tables import EVENTS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from taxelflow.messages import Bools, Floats
@@ -83,32 +85,53 @@ def read_result(directory: Path) -> tuple[Summary, list[Track]]:
 
 def read_events(directory: Path) -> list[Event]:
     """Events of a result in the order of its file. Raises ResultMissing."""
-    try:
-        with (directory / "events.csv").open(newline="", encoding="utf-8") as file:
-            return [
-                Event(
-                    float(row["t_s"]),
-                    row["pad"],
-                    row["event"],
-                    **{name: float(row[name] or "nan") for name in _EVENT_NUMBERS},
-                    quality=row["quality"],
-                )
-                for row in csv.DictReader(file)
-            ]
-    except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
-        raise ResultMissing(directory, f"readable events.csv ({error})") from error
+    with _rows(directory, "events.csv") as rows:
+        return [
+            Event(
+                float(row["t_s"]),
+                row["pad"],
+                row["event"],
+                **{name: _number(row[name]) for name in _EVENT_NUMBERS},
+                quality=row["quality"],
+            )
+            for row in rows
+        ]
+
+
+def read_motions(directory: Path) -> Floats:
+    """(scans, 5): velocity, rate of turn and centre of rotation of the whole object, NaN where unknown.
+
+    Raises ResultMissing.
+    """
+    names = ("vx_m_s", "vy_m_s", "omega_rad_s", "cx_m", "cy_m")
+    with _rows(directory, "object.csv") as rows:
+        return np.array([[_number(row[name]) for name in names] for row in rows]).reshape(-1, len(names))
 
 
 def read_orientations(directory: Path, pad: str) -> list[tuple[float, float]]:
-    """Time and direction of a contact's long axis, s and rad; none where a result has no contacts.csv."""
-    try:
-        with (directory / "contacts.csv").open(newline="", encoding="utf-8") as file:
-            rows = [row for row in csv.DictReader(file) if row["pad"] == pad]
-            return [(float(row["t_s"]), float(row["orientation_rad"])) for row in rows if row["orientation_rad"]]
-    except FileNotFoundError:
+    """Time and direction of a contact's long axis, s and rad; none where a result has no contacts.csv.
+
+    Raises ResultMissing.
+    """
+    if not (directory / "contacts.csv").exists():
         return []
+    with _rows(directory, "contacts.csv") as rows:
+        known = [row for row in rows if row["pad"] == pad and row["orientation_rad"]]
+        return [(float(row["t_s"]), float(row["orientation_rad"])) for row in known]
+
+
+@contextmanager
+def _rows(directory: Path, name: str) -> Iterator[Iterable[dict[str, str]]]:
+    """Rows of a table by column. Raises ResultMissing for one that is not there, or whose rows cannot be used."""
+    try:
+        with (directory / name).open(newline="", encoding="utf-8") as file:
+            yield csv.DictReader(file)
     except (OSError, ValueError, KeyError, TypeError, csv.Error) as error:
-        raise ResultMissing(directory, f"readable contacts.csv ({error})") from error
+        raise ResultMissing(directory, f"readable {name} ({error})") from error
+
+
+def _number(field: str) -> float:
+    return float(field or "nan")
 
 
 def _tracks(slips: Path, ran: Summary) -> list[Track]:

@@ -34,12 +34,6 @@ _FAR_M = 2.0
 """Distance of an axis beyond which a rotation is called a translation."""
 
 
-def spatial_rows(motions: SpatialMotions, pads: tuple[str, ...]) -> Iterable[list[str]]:
-    """A row per scan, as text."""
-    for t_s, *values in spatial_values(motions, pads):
-        yield [f"{t_s:.6f}", *map(_text, values)]
-
-
 def spatial_values(motions: SpatialMotions, pads: tuple[str, ...]) -> Iterable[list[float | int | str]]:
     """A row per scan; unknown numbers are NaN."""
     first, second = (list(side) for side in zip(*_PAIRS, strict=True))
@@ -108,10 +102,3 @@ def _direction(vector: Floats) -> str:
     unit = vector / np.linalg.norm(vector)
     unit = unit * np.sign(unit[np.argmax(np.abs(unit))]) + 0.0
     return ", ".join(f"{number:.2f}".replace("-0.00", "0.00") for number in unit)
-
-
-def _text(value: float | str) -> str:
-    """Nine significant digits; empty where unknown."""
-    if isinstance(value, float):
-        return f"{value:.9g}" if value == value else ""  # noqa: PLR0124  NaN alone differs from itself
-    return str(value)

@@ -67,6 +67,8 @@ class Summary(msgspec.Struct, frozen=True):
     """Time steps far above the usual one; no motion is followed across them."""
     contacts: list[ContactSummary] = []
     """All contacts of pads, groups and separate contacts in the order of their begin."""
+    asked: dict[str, Any] = {}
+    """What the recording was read with, beside its sensor: `topic` of a bag, `columns` of a table."""
     joints: dict[str, list[float]] = {}
     """Smallest and largest angle of each joint of the hand during the scans, rad (m for a slide), if any is known."""
 

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import csv
 from contextlib import ExitStack, suppress
-from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-import numpy as np
-
 from taxelflow.errors import TaxelflowError, written_at
-from taxelflow.messages import QUALITY
+from taxelflow.publish.columns import (
+    CONTACTS,
+    EVENTS,
+    OBJECT,
+    SLIPS,
+    as_text,
+    contact_rows,
+    event_rows,
+    motion_rows,
+    slip_rows,
+)
 from taxelflow.publish.patterns import NAME as PATTERNS
 from taxelflow.publish.patterns import write_patterns
-from taxelflow.publish.spatial import COLUMNS, spatial_rows
+from taxelflow.publish.spatial import COLUMNS, spatial_values
 from taxelflow.publish.spatial import NAME as SPATIAL
 from taxelflow.publish.summary import to_json
 from taxelflow.runtime.whole_file import whole_file
@@ -26,29 +33,9 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Contacts, Event, Floats, LearnedPattern, Motions, Slips, SpatialMotions
     from taxelflow.publish.summary import Summary
 
-# fmt: off
-SLIPS = (
-    "t_s", "pad", "contact", "dx_m", "dy_m", "dtheta_rad", "x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s",
-    "omega_rad_s", "std_x_m", "std_y_m", "std_theta_rad", "slipping", "border_x", "border_y", "lag_s",
-    "load_pa", "cov_xy", "cov_xtheta", "cov_ytheta", "quality", "evidence",
-)
-OBJECT = (
-    "t_s", "vx_m_s", "vy_m_s", "omega_rad_s", "rotor_1_s", "cx_m", "cy_m", "x_m", "y_m", "theta_rad", "pads",
-    "std_vx_m_s", "std_vy_m_s", "std_omega_rad_s", "std_rotor_1_s", "std_cx_m", "std_cy_m",
-    "std_x_m", "std_y_m", "std_theta_rad",
-)
-CONTACTS = (
-    "t_s", "pad", "force_n", "area_m2", "peak_pa", "x_m", "y_m", "major_m", "minor_m", "eccentricity",
-    "orientation_rad", "std_force_n", "std_orientation_rad",
-)
-EVENTS = (
-    "t_s", "pad", "event", "onset_s", "direction_rad", "speed_m_s", "turn_rad_s", "evidence", "quality",
-    "path_m", "turn_rad", "duration_s", "std_speed_m_s", "std_path_m", "std_turn_rad", "std_duration_s",
-)
-# fmt: on
-_MOTION = EVENTS[EVENTS.index("path_m") :]
-_TABLES = {"slips": SLIPS, "object": OBJECT, "events": EVENTS, "contacts": CONTACTS}
-FILES = (*(f"{name}.csv" for name in (*_TABLES, SPATIAL)), PATTERNS, "summary.json")
+_ALWAYS = {"slips": SLIPS, "object": OBJECT, "events": EVENTS, "contacts": CONTACTS}
+_COLUMNS = _ALWAYS | {SPATIAL: COLUMNS}
+FILES = (*(f"{name}.csv" for name in _COLUMNS), PATTERNS, "summary.json")
 """Names of all files of a run."""
 
 
@@ -87,14 +74,14 @@ class Tables:
         return self
 
     def _open(self) -> None:
-        for name, columns in _TABLES.items():
-            self._begin(name, columns)
+        for name in _ALWAYS:
+            self._begin(name)
         if self._flushes_first:
             self._flush()
 
-    def _begin(self, name: str, columns: Sequence[str]) -> None:
+    def _begin(self, name: str) -> None:
         self._files[name] = file = self._stack.enter_context(self._opened(self.directory / f"{name}.csv.part"))
-        csv.writer(file, lineterminator="\n").writerow(columns)
+        csv.writer(file, lineterminator="\n").writerow(_COLUMNS[name])
 
     def __exit__(self, kind: type[BaseException] | None, *_details: object) -> None:
         with written_at(self.directory):
@@ -114,18 +101,18 @@ class Tables:
     ) -> None:
         """Append one block; it is on disk when this returns."""
         with written_at(self.directory):
-            self._append("slips", _slip_rows(slips, slipping, evidence, self._pads))
-            self._append("object", _motion_rows(motions))
-            self._append("events", map(_event_row, events))
-            self._append("contacts", _contact_rows(contacts, self._pads))
+            self._append("slips", slip_rows(slips, slipping, evidence, self._pads))
+            self._append("object", motion_rows(motions))
+            self._append("events", event_rows(events))
+            self._append("contacts", contact_rows(contacts, self._pads))
             self._flush()
 
     def write_spatial(self, motions: SpatialMotions) -> None:
         """Append one block to `object3d.csv`, which there is only where the pads' places in space are known."""
         with written_at(self.directory):
             if SPATIAL not in self._files:
-                self._begin(SPATIAL, COLUMNS)
-            self._append(SPATIAL, spatial_rows(motions, self._pads))
+                self._begin(SPATIAL)
+            self._append(SPATIAL, spatial_values(motions, self._pads))
             self._flush()
 
     def write_summary(self, summary: Summary) -> None:
@@ -138,8 +125,8 @@ class Tables:
         if patterns:
             write_patterns(patterns, self.directory / PATTERNS)
 
-    def _append(self, name: str, rows: Iterable[Iterable[str]]) -> None:
-        csv.writer(self._files[name], lineterminator="\n").writerows(rows)
+    def _append(self, name: str, rows: Iterable[Iterable[Any]]) -> None:
+        csv.writer(self._files[name], lineterminator="\n").writerows(as_text(_COLUMNS[name], rows))
 
     def _flush(self) -> None:
         for file in self._files.values():
@@ -148,110 +135,3 @@ class Tables:
 
 def _opened(path: Path) -> TextIOBase:
     return path.open("w", newline="", encoding="utf-8")
-
-
-_JUDGED = np.array([judged or None for judged in QUALITY], dtype=object)
-"""Words of quality by number; None where there is no pose to judge."""
-
-
-def slip_columns(slips: Slips, slipping: Bools, evidence: Floats, pads: tuple[str, ...]) -> dict[str, Any]:
-    """The columns of `slips.csv`, each (scans * pads,): flags as bool, quality as text or None, NaN where
-    unknown.
-    """
-    std = np.sqrt(np.diagonal(slips.covariance, axis1=2, axis2=3))
-    vectors = [slips.displacement, slips.pose, slips.velocity, std]
-    covariance = slips.covariance
-    of_pads = [
-        slips.contact,
-        *(vector[..., axis] for vector in vectors for axis in range(3)),
-        slipping,
-        slips.border[..., 0],
-        slips.border[..., 1],
-        slips.lag_s,
-        slips.load,
-        covariance[..., 0, 1],
-        covariance[..., 0, 2],
-        covariance[..., 1, 2],
-        _JUDGED[slips.quality],
-        evidence,
-    ]
-    times, names = np.repeat(slips.t_s, len(pads)), np.tile(np.array(pads), len(slips))
-    return dict(zip(SLIPS, [times, names, *(column.reshape(-1) for column in of_pads)], strict=True))
-
-
-def _slip_rows(slips: Slips, slipping: Bools, evidence: Floats, pads: tuple[str, ...]) -> Iterable[list[str]]:
-    count = len(slips) * len(pads)
-    std = np.sqrt(np.diagonal(slips.covariance, axis1=2, axis2=3))
-    numbers = np.concatenate([slips.displacement, slips.pose, slips.velocity, std], axis=2).reshape(count, 12)
-    flags = [flag.reshape(count) for flag in (slips.contact, slipping, slips.border[..., 0], slips.border[..., 1])]
-    times = [f"{t:.6f}" for t in slips.t_s]
-    covariance = slips.covariance
-    mixed = [covariance[..., 0, 1], covariance[..., 0, 2], covariance[..., 1, 2]]
-    last = np.stack([slips.lag_s, slips.load, *mixed, evidence], axis=2).reshape(count, 6)
-    quality = slips.quality.reshape(count).tolist()
-    for row, (values, contact, slips_now, border_x, border_y, ends, judged) in enumerate(
-        zip(numbers.tolist(), *(flag.tolist() for flag in flags), last.tolist(), quality, strict=True)
-    ):
-        scan, pad = divmod(row, len(pads))
-        yield [
-            times[scan],
-            pads[pad],
-            _FLAG[contact],
-            *map(_number, values),
-            _FLAG[slips_now],
-            _FLAG[border_x],
-            _FLAG[border_y],
-            *map(_number, ends[:-1]),
-            QUALITY[judged],
-            _number(ends[-1]),
-        ]
-
-
-def motion_columns(motions: Motions) -> Iterable[list[float]]:
-    """Rows of `OBJECT` as numbers; the number of pads is whole."""
-    known, doubt = np.empty((len(motions), 9)), np.empty((len(motions), 9))
-    known[:, :3], known[:, 3], known[:, 4:6] = motions.velocity, motions.rotor, motions.centre
-    known[:, 6:] = motions.pose
-    np.sqrt(motions.velocity_covariance.diagonal(axis1=1, axis2=2), out=doubt[:, :3])
-    doubt[:, 3], doubt[:, 4:6] = motions.rotor_std, motions.centre_std
-    np.sqrt(motions.pose_covariance.diagonal(axis1=1, axis2=2), out=doubt[:, 6:])
-    for t, values, pads, std in zip(
-        motions.t_s.tolist(), known.tolist(), motions.pads.tolist(), doubt.tolist(), strict=True
-    ):
-        yield [t, *values, pads, *std]
-
-
-def _motion_rows(motions: Motions) -> Iterable[list[str]]:
-    for t, *numbers in motion_columns(motions):
-        yield [f"{t:.6f}", *map(_number, numbers)]
-
-
-def event_columns(events: list[Event]) -> dict[str, Any]:
-    """The columns of `events.csv`, a list per column: NaN where unknown, None where no pose is judged."""
-    columns: dict[str, Any] = {name: [getattr(event, name) for event in events] for name in EVENTS}
-    return columns | {"quality": [judged or None for judged in columns["quality"]]}
-
-
-def _event_row(event: Event) -> list[str]:
-    onset = "" if isnan(event.onset_s) else f"{event.onset_s:.6f}"
-    motion = map(_number, (event.direction_rad, event.speed_m_s, event.turn_rad_s, event.evidence))
-    whole = (_number(getattr(event, name)) for name in _MOTION)
-    return [f"{event.t_s:.6f}", event.pad, event.event, onset, *motion, event.quality, *whole]
-
-
-def _contact_rows(contacts: Contacts, pads: tuple[str, ...]) -> Iterable[list[str]]:
-    """Of pads in contact only."""
-    scan, pad = np.nonzero(contacts.contact)
-    single = [contacts.eccentricity, contacts.orientation, contacts.force_std, contacts.orientation_std]
-    size = np.stack([contacts.force, contacts.area, contacts.peak], axis=2)
-    numbers = np.concatenate([size, contacts.centroid, contacts.axes, np.stack(single, axis=2)], axis=2)[scan, pad]
-    for t, number, values in zip(contacts.t_s[scan].tolist(), pad.tolist(), numbers.tolist(), strict=True):
-        yield [f"{t:.6f}", pads[number], *map(_number, values)]
-
-
-_FLAG = {False: "0", True: "1"}
-
-
-def _number(value: float) -> str:
-    """Nine significant digits; empty where unknown."""
-    return f"{value:.9g}" if value == value else ""  # noqa: PLR0124  NaN alone differs from itself

@@ -16,8 +16,8 @@ from taxelflow.acquire.devices.base import Faults
 from taxelflow.errors import AddressInvalid, TaxelflowError
 from taxelflow.pipeline.live.emulators.base import Playback, parse_fault
 from taxelflow.pipeline.live.loop import Limits
+from taxelflow.publish.columns import OBJECT
 from taxelflow.publish.sinks.base import Ending, Head
-from taxelflow.publish.tables import OBJECT
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
 

@@ -35,8 +35,8 @@ from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.replay import Replay
 from taxelflow.pipeline.live.status import clock_words, drawn, totals
 from taxelflow.pipeline.stages import Output
+from taxelflow.publish.columns import EVENTS
 from taxelflow.publish.sinks.patient import PatientFile
-from taxelflow.publish.tables import EVENTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -36,12 +36,20 @@ def test_letters_that_the_font_lacks_stay_text_without_a_warning(tmp_path: Path)
     assert "日本語" in path.read_text(encoding="utf-8")
 
 
+def test_a_name_with_dollars_is_no_formula(tmp_path: Path) -> None:
+    with styled():
+        figure, axis = plt.subplots()
+        axis.set_title(r"pad $\nonsense$ of 5$")
+        path = save(figure, tmp_path / "a.svg")
+    assert r"pad $\nonsense$ of 5$" in path.read_text(encoding="utf-8")
+
+
 def test_a_failure_while_writing_leaves_the_older_picture_as_it_was(tmp_path: Path) -> None:
     path = tmp_path / "a.svg"
     path.write_text("older")
     with styled():
         figure, axis = plt.subplots()
-        axis.set_title(r"$\nonsense$")
+        axis.set_title(r"$\nonsense$", parse_math=True)
         with pytest.raises(ValueError, match="nonsense"):
             save(figure, path)
         plt.close(figure)

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from taxelflow.acquire.devices.lsl import linger, pylsl
+from taxelflow.publish.columns import OBJECT, motion_rows
 from taxelflow.publish.sinks.base import ResultSink
 from taxelflow.publish.sinks.lines import event_row
-from taxelflow.publish.tables import OBJECT, motion_columns
 
 if TYPE_CHECKING:
     from taxelflow.publish.sinks.base import Ending, Head, Update
@@ -49,7 +49,7 @@ class LslSink(ResultSink):
         """See `Sink`."""
         stamps = (update.arrived_s - self._behind_s).tolist()
         slipping = update.slipping.astype(float).tolist()
-        for stamp, row, slips in zip(stamps, motion_columns(update.motions), slipping, strict=True):
+        for stamp, row, slips in zip(stamps, motion_rows(update.motions), slipping, strict=True):
             self._motion.push_sample([*row, *slips], stamp)
         for event in update.events:
             self._events.push_sample([msgspec.json.encode(event_row(event)).decode()], stamps[-1])

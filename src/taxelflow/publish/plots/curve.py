@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from taxelflow.publish.plots.style import BLUE, GREEN, INK, VERMILION, caption
+from taxelflow.publish.plots.style import BLUE, EDGE, GREEN, INK, VERMILION, caption
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,12 +23,12 @@ def table_figure(headings: Sequence[str], rows: Sequence[Sequence[str]], seen: s
     table.set_fontsize(8.5)
     table.scale(1.0, 1.15)
     for (row, _), cell in table.get_celld().items():
-        cell.set_edgecolor("#dadce0")
+        cell.set_edgecolor(EDGE)
         cell.set_linewidth(0.8 if row == 0 else 0.0)
         cell.get_text().set_color(INK)
         if row == 0:
             cell.get_text().set_fontweight("bold")
-    caption(figure, seen, 122)
+    caption(figure, seen)
     return figure
 
 
@@ -45,5 +45,5 @@ def curve_figure(curves: Mapping[str, Sequence[tuple[int, float]]], ylabel: str,
     axis.set_ylabel(ylabel)
     axis.set_ylim(0, 1.15 * max(e for points in curves.values() for _, e in points))
     axis.legend()
-    caption(figure, seen, 92)
+    caption(figure, seen)
     return figure

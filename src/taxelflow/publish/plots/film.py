@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.hand import draw_hand
-from taxelflow.publish.plots.outlines import extent_mm, outlines
-from taxelflow.publish.plots.style import BLUE, GREEN, GREY, INK, MAGENTA, SLIP, VERMILION, plain
+from taxelflow.publish.plots.marks import draw_arrow, draw_scale, draw_taxels, show_box
+from taxelflow.publish.plots.outlines import box_mm, extent_mm, on_hand_mm
+from taxelflow.publish.plots.style import BLUE, GREEN, GREY, INK, MAGENTA, SLIP, VERMILION, tick_step
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -121,18 +122,14 @@ def _sheet(film: Film) -> tuple[Figure, Axes, Axes, Axes]:
     hand = figure.add_axes((0.02, 1.85 / height, wide / width, high / height))
     words = figure.add_axes(((wide + 0.25) / width, 1.85 / height, 2.5 / width, high / height))
     load = figure.add_axes((0.75 / width, 0.5 / height, 1 - 1.0 / width, 1.15 / height))
-    figure.text(0.02, 1 - 0.12 / height, plain(film.title), fontweight="bold", ha="left", va="top")
+    figure.text(0.02, 1 - 0.12 / height, film.title, fontweight="bold", ha="left", va="top")
     draw_hand(hand, film.layout, None)
-    hand.set_xlim(box[0], box[1])
-    hand.set_ylim(box[2], box[3])
+    show_box(hand, box)
     for axis in (hand, words):
         axis.axis("off")
     words.set_xlim(0, 1)
     words.set_ylim(0, 1)
-    length = max(step for step in (1, 2, 5, 10, 20, 50) if step <= max(0.2 * (box[1] - box[0]), 1))
-    x, y = box[0] + 0.02 * (box[1] - box[0]), box[2] + 0.02 * (box[3] - box[2])
-    hand.plot([x, x + length], [y, y], color=INK, linewidth=2.0, solid_capstyle="butt")
-    hand.annotate(f"{length} mm", (x + length / 2, y), (0, 3), textcoords="offset points", ha="center", fontsize=7)
+    draw_scale(hand, box)
     draw_load(load, film)
     return figure, hand, load, words
 
@@ -149,7 +146,7 @@ def draw_load(axis: Axes, film: Film) -> None:
     for pad, colour in zip(busiest, _COLOURS, strict=False):
         name, share = film.layout.pads[pad], film.load[:, pad] / most
         if name in touched or np.nanmax(share, initial=0.0) > _LAYOUT.idle:
-            axis.plot(t_s, 100 * share, color=colour, linewidth=1.0, label=plain(name))
+            axis.plot(t_s, 100 * share, color=colour, linewidth=1.0, label=name)
     axis.set_xlim(film.frames_s[0] - film.zero_s, max(film.frames_s[-1], film.frames_s[0] + 1e-3) - film.zero_s)
     axis.set_ylim(-4, 108)
     axis.set_ylabel("load in %")
@@ -167,17 +164,15 @@ class _Moving:
         self._film, self._axes = film, (hand, load, words)
         layout = film.layout
         placed = [pad for pad in range(layout.pad_count) if np.isfinite(layout.T_hand[pad]).all()]
-        shapes = [shape for pad in placed for shape in 1e3 * on_hand(layout, pad)]
-        self._taxels = PolyCollection(shapes, cmap="Blues", edgecolor="#dadce0", linewidth=0.5)
+        shapes = [shape for pad in placed for shape in on_hand_mm(layout, pad)]
+        self._taxels = draw_taxels(hand, shapes, cmap="Blues", animated=True)
         self._taxels.set_clim(-0.08, 1.3)
         self._top = float(np.quantile(film.pressure.max(axis=1), 0.99)) or 1.0
         self._shafts, self._heads = LineCollection([], linewidths=2.0), PolyCollection([])
-        hand.add_collection(self._taxels)
         for arrows in (self._shafts, self._heads):
             arrows.set_animated(True)
             arrows.set_clip_on(False)
             hand.add_collection(arrows, autolim=False)
-        self._taxels.set_animated(True)
         left, right = hand.get_xlim()
         self._wide_mm = right - left
         speed = np.hypot(*film.vectors[film.slipping].T) if film.slipping.any() else np.zeros(0)
@@ -191,15 +186,12 @@ class _Moving:
 
     def _draw_key(self, hand: Axes, words: Axes) -> None:
         """An arrow of a round speed beside the scale of length, and what the colours mean."""
-        decade = 10.0 ** np.floor(np.log10(1e3 * self._fastest))
-        speed = max(step * decade for step in (1, 2, 5) if step * decade <= 1.0001e3 * self._fastest)
+        speed = tick_step(1e3 * self._fastest, 2)
         left, low = hand.get_xlim()[0], hand.get_ylim()[0]
         x, y = left + 0.3 * self._wide_mm, low + 0.02 * self._wide_mm
         tip = (x + 1e-3 * speed * _LAYOUT.longest * self._wide_mm / self._fastest, y)
-        arrow = {"arrowstyle": "-|>", "color": VERMILION, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
-        hand.annotate("", xy=tip, xytext=(x, y), arrowprops=arrow)
-        place: Any = {"textcoords": "offset points", "fontsize": 7}
-        hand.annotate(f"{speed:g} mm/s", (x, y), (0, 4), **place)
+        draw_arrow(hand, (x, y), tip, VERMILION, 2.0)
+        hand.annotate(f"{speed:g} mm/s", (x, y), (0, 4), textcoords="offset points", fontsize=7)
         words.text(0, 0.0, "arrows: orange where the pad slips, else grey", fontsize=7, color=INK)
 
     def at(self, t_s: float) -> list[tuple[Axes, Any]]:
@@ -238,21 +230,4 @@ class _Moving:
 
 def _words(event: Event, zero_s: float) -> str:
     speed = f"  {1e3 * event.speed_m_s:.0f} mm/s" if np.isfinite(event.speed_m_s) else ""
-    return f"{event.t_s - zero_s:7.2f} s  {plain(event.pad)}\n{'':12}{event.event.replace('_', ' ')}{speed}"
-
-
-def on_hand(layout: Layout, pad: int) -> Floats:
-    """(taxels, corners, 2), outlines of a pad's taxels in the hand frame, m."""
-    x, y, turn = layout.T_hand[pad]
-    cos, sin = np.cos(turn), np.sin(turn)
-    shape: Floats = outlines(layout, pad) @ np.array([[cos, sin], [-sin, cos]]) + np.array([x, y])
-    return shape
-
-
-def box_mm(layout: Layout, pads: Iterable[int] | None = None) -> tuple[float, float, float, float]:
-    """left, right, low, high of these pads, or of all, with a margin; each has a place."""
-    chosen = range(layout.pad_count) if pads is None else pads
-    corners = np.concatenate([1e3 * on_hand(layout, pad).reshape(-1, 2) for pad in chosen])
-    (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
-    margin = 0.1 * max(right - left, high - low)
-    return float(left - margin), float(right + margin), float(low - margin), float(high + margin)
+    return f"{event.t_s - zero_s:7.2f} s  {event.pad}\n{'':12}{event.event.replace('_', ' ')}{speed}"

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.geometry import transform
-from taxelflow.publish.plots.outlines import outlines
-from taxelflow.publish.plots.style import BLUE, GREY, INK, MAGENTA, VERMILION, caption, plain
+from taxelflow.publish.plots.marks import draw_arrow, draw_taxels, show_box
+from taxelflow.publish.plots.outlines import box_mm, on_hand_mm
+from taxelflow.publish.plots.style import BLUE, FAINT, GREY, INK, MAGENTA, VERMILION, caption
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -54,7 +55,7 @@ def field_figure(layout: Layout, methods: Mapping[str, Sequence[Moment]], seen: 
 
     moments = [moment for row in methods.values() for moment in row]
     across = len(moments) // len(methods)
-    box = _box_mm(layout)
+    box = box_mm(layout)
     fastest = max(float(np.nanmax(np.hypot(*moment.vectors.T), initial=1e-9)) for moment in moments)
     scale = _LONGEST * (box[1] - box[0]) / fastest
     tips = np.concatenate([1e3 * moment.places + scale * moment.vectors for moment in moments])
@@ -74,14 +75,13 @@ def field_figure(layout: Layout, methods: Mapping[str, Sequence[Moment]], seen: 
     for axis, moment in zip(axes.flat, moments, strict=True):
         draw_hand(axis, layout, moment.pressure)
         _draw_vectors(axis, moment, scale)
-        axis.set_xlim(box[0], box[1])
-        axis.set_ylim(box[2], box[3])
+        show_box(axis, box)
         axis.set_title(moment.title)
         axis.set_xlabel("x in mm\n" + _numbers(moment))
         axis.xaxis.set_major_locator(MaxNLocator(5, prune="both"))
     for axis, method in zip(axes[:, 0], methods, strict=True):
-        axis.set_ylabel(f"{plain(method)}\ny in mm" if len(methods) > 1 else "y in mm")
-    caption(figure, f"{seen} The longest vector is {1e3 * fastest:.3g} mm/s.", int(14 * across * wide))
+        axis.set_ylabel(f"{method}\ny in mm" if len(methods) > 1 else "y in mm")
+    caption(figure, f"{seen} The longest vector is {1e3 * fastest:.3g} mm/s.")
     return figure
 
 
@@ -111,12 +111,11 @@ def layout_figure(layout: Layout, seen: str, *, numbers: bool) -> Figure:
     """The flattened hand: taxels with their numbers, or pads and groups with their names and frames."""
     import matplotlib.pyplot as plt
 
-    box = _box_mm(layout)
+    box = box_mm(layout)
     ratio = (box[3] - box[2]) / (box[1] - box[0])
     figure, axis = plt.subplots(figsize=(9.0, 9.0 * ratio + 0.9), layout="constrained")
     draw_hand(axis, layout, None)
-    axis.set_xlim(box[0], box[1])
-    axis.set_ylim(box[2], box[3])
+    show_box(axis, box)
     if numbers:
         for entry, (x, y) in enumerate(hand_places(layout)[: layout.taxels]):
             axis.annotate(str(entry), (1e3 * x, 1e3 * y), ha="center", va="center", fontsize=4.5, color=INK)
@@ -124,7 +123,7 @@ def layout_figure(layout: Layout, seen: str, *, numbers: bool) -> Figure:
         _draw_frames(axis, layout)
     axis.set_xlabel("x in mm")
     axis.set_ylabel("y in mm")
-    caption(figure, seen, 128)
+    caption(figure, seen)
     return figure
 
 
@@ -136,22 +135,17 @@ def hand_places(layout: Layout) -> Floats:
 
 def draw_hand(axis: Axes, layout: Layout, pressure: Floats | None) -> None:
     """Taxels, shaded by pressure (entries,) if given."""
-    from matplotlib.collections import PolyCollection
-
     placed = [pad for pad in range(layout.pad_count) if np.isfinite(layout.T_hand[pad]).all()]
-    shapes = [shape for pad in placed for shape in 1e3 * transform(layout.T_hand[pad], outlines(layout, pad))]
+    shapes = [shape for pad in placed for shape in on_hand_mm(layout, pad)]
     shown = np.repeat(np.isfinite(layout.T_hand[: layout.pad_count, 0]), np.diff(layout.starts)[: layout.pad_count])
-    shades = PolyCollection(shapes, edgecolor="#dadce0", linewidth=0.5, zorder=1)
+    shades = draw_taxels(axis, shapes)
     if pressure is None:
-        shades.set_facecolor("#f1f3f4")
+        shades.set_facecolor(FAINT)
     else:
         level = np.clip(pressure[: layout.taxels][shown] / max(float(pressure.max()), 1e-9), 0.0, 1.0)
         shades.set_array(level)
         shades.set_cmap("Blues")
         shades.set_clim(-0.08, 1.3)
-    axis.add_collection(shades)
-    axis.set_aspect("equal")
-    axis.grid(visible=False)
 
 
 def _draw_vectors(axis: Axes, moment: Moment, scale: float) -> None:
@@ -164,15 +158,9 @@ def _draw_vectors(axis: Axes, moment: Moment, scale: float) -> None:
         elif moment.faint is not None and moment.faint[pad]:
             colour = GREY
         draw_arrow(axis, (x, y), (x + scale * vx, y + scale * vy), colour)
+        axis.plot([x], [y], marker="o", markersize=2.5, color=colour, zorder=4)  # stays when the arrow is short
     if np.isfinite(moment.centre).all():
         axis.plot(*(1e3 * moment.centre), marker="+", markersize=11, markeredgewidth=2, color=MAGENTA, zorder=5)
-
-
-def draw_arrow(axis: Axes, tail: tuple[float, float], tip: tuple[float, float], colour: str) -> None:
-    """An arrow with a dot at its tail, which stays when the arrow is short."""
-    arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
-    axis.annotate("", xy=tip, xytext=tail, arrowprops=arrow, zorder=4)
-    axis.plot([tail[0]], [tail[1]], marker="o", markersize=2.5, color=colour, zorder=4)
 
 
 def _numbers(moment: Moment) -> str:
@@ -199,8 +187,7 @@ def _draw_frames(axis: Axes, layout: Layout) -> None:
         if not group:
             for turn, colour in ((0.0, VERMILION), (np.pi / 2, BLUE)):
                 tip = np.array([1e3 * x, 1e3 * y]) + 9 * np.array([np.cos(theta + turn), np.sin(theta + turn)])
-                arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
-                axis.annotate("", xy=tuple(tip), xytext=(1e3 * x, 1e3 * y), arrowprops=arrow, zorder=4)
+                draw_arrow(axis, (1e3 * x, 1e3 * y), tip, colour, 1.2)
         if group:
             at, align = (middle[0], own[:, 1].max() + 8), "center"
         elif np.ptp(own[:, 1]) > np.ptp(own[:, 0]):
@@ -209,11 +196,3 @@ def _draw_frames(axis: Axes, layout: Layout) -> None:
             at, align = (middle[0], own[:, 1].min() - 7), "center"
         size, colour = (4.5, MAGENTA) if group else (6.5, INK)
         axis.annotate(name, at, ha=align, va="top", fontsize=size, color=colour)
-
-
-def _box_mm(layout: Layout) -> tuple[float, float, float, float]:
-    places = 1e3 * hand_places(layout)[: layout.taxels]
-    places = places[np.isfinite(places).all(axis=1)]
-    margin = 14.0
-    (left, low), (right, high) = places.min(axis=0) - margin, places.max(axis=0) + margin
-    return float(left), float(right), float(low), float(high)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.spans import spans
-from taxelflow.publish.plots.style import INK, MAGENTA, look, plain
+from taxelflow.publish.plots.style import INK, MAGENTA, look
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -41,7 +41,7 @@ def draw_lanes(axis: Axes, tracks: Sequence[Track], events: Sequence[Sequence[Ev
                 marker, edge, size = _MARKS[event.event]
                 when = event.t_s if np.isnan(event.onset_s) else event.onset_s
                 axis.plot([when - start_s], [lane], marker=marker, markersize=size, color=edge, markeredgewidth=0.7)
-    axis.set_yticks(range(len(tracks)), [plain(track.method) for track in tracks], fontsize=7)
+    axis.set_yticks(range(len(tracks)), [track.method for track in tracks], fontsize=7)
     axis.set_ylim(len(tracks) - 0.45, -0.55)
     axis.grid(visible=False)
     axis.spines["left"].set_visible(False)

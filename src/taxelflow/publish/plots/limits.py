@@ -37,5 +37,5 @@ def limits_figure(errors: Mapping[str, Curve], bounds: Mapping[str, Curve], edge
     axis.set_ylabel("RMS error in mm")
     log_ticks(axis.yaxis)
     axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
-    caption(figure, seen, 105)
+    caption(figure, seen)
     return figure

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.publish.plots.style import INK, plain
+from taxelflow.publish.plots.style import INK
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,7 +68,7 @@ def write_names(axis: Axes, names: Sequence[Name], size: float) -> None:
     """Write names where they have room."""
     for name in names:
         look: dict[str, Any] = {"fontsize": size, "color": INK, "ha": "center", "va": "center", "zorder": 6}
-        axis.annotate(plain(name.text), name.at, annotation_clip=False, **look)
+        axis.annotate(name.text, name.at, annotation_clip=False, **look)
 
 
 def _outside(at: Floats, half: Floats, room: Floats) -> int:

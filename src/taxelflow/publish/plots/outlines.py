@@ -6,10 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.geometry import transform
 from taxelflow.sensors import triangulation as mesh
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from taxelflow.messages import Floats
+    from taxelflow.publish.plots.marks import Box
     from taxelflow.sensors.layout import Layout
 
 _SHARE = 0.45
@@ -57,8 +61,22 @@ def _hexagon_turn(layout: Layout, pad: int, xy: Floats, nearest: Floats) -> floa
     return float(np.angle(mean)) / 6 if abs(mean) > 1 - _ALIKE else None
 
 
-def extent_mm(layout: Layout, pad: int) -> tuple[float, float, float, float]:
-    """left, right, low, high of the pad with its taxels, in its own frame."""
+def on_hand_mm(layout: Layout, pad: int) -> Floats:
+    """(taxels, corners, 2), outlines of a pad's taxels on the hand laid flat, mm."""
+    return 1e3 * transform(layout.T_hand[pad], outlines(layout, pad))
+
+
+def box_mm(layout: Layout, pads: Iterable[int] | None = None) -> Box:
+    """Of these pads on the hand laid flat, or of all that have a place there, with a margin."""
+    placed = np.flatnonzero(np.isfinite(layout.T_hand[: layout.pad_count]).all(axis=1)).tolist()
+    corners = np.concatenate([on_hand_mm(layout, pad).reshape(-1, 2) for pad in (placed if pads is None else pads)])
+    (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
+    margin = 0.1 * max(right - left, high - low)
+    return float(left - margin), float(right + margin), float(low - margin), float(high + margin)
+
+
+def extent_mm(layout: Layout, pad: int) -> Box:
+    """Of the pad with its taxels, in its own frame."""
     own = layout.of_pad(pad)
     x, y = 1e3 * layout.x_m[own], 1e3 * layout.y_m[own]
     wide, high = 0.55 * 1e3 * layout.pitch_m[pad]

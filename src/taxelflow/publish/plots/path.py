@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.spans import spans
+from taxelflow.publish.plots.marks import draw_taxels, show_box
 from taxelflow.publish.plots.outlines import extent_mm, outlines
-from taxelflow.publish.plots.style import BLUE, GREY, INK, VERMILION, caption, plain
+from taxelflow.publish.plots.style import BLUE, FAINT, GREY, INK, VERMILION, caption
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,26 +18,20 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from taxelflow.publish.plots.marks import Box
     from taxelflow.publish.results import Track
     from taxelflow.sensors.layout import Layout
 
 
-_MOST_OVERLAID = 6
-"""Contacts on one pad whose paths are still readable in one panel."""
-_MOST_PANELS = 60
-"""Contacts at most, those with the longest paths."""
-_ACROSS = 10
-"""Panels in a row."""
-_FEWEST_POSITIONS = 3
-"""Known positions below which a contact has no path."""
+def path_figure(tracks: Sequence[Track], layout: Layout, most_overlaid: int = 6) -> Figure:
+    """Tracks of one method on their pads; with more contacts on one pad than a panel can show, a panel for each.
 
-
-def path_figure(tracks: Sequence[Track], layout: Layout) -> Figure:
-    """Tracks of one method on their pads; with more contacts than one panel can show, a panel for each contact."""
+    Contacts of fewer than three known positions have no path.
+    """
     contacts = [_Contact(track, first, stop) for track in tracks for first, stop in spans(track.flags["contact"])]
-    contacts = [contact for contact in contacts if np.isfinite(contact.at_mm[:, 0]).sum() >= _FEWEST_POSITIONS]
+    contacts = [contact for contact in contacts if np.isfinite(contact.at_mm[:, 0]).sum() >= 3]
     crowd = max((sum(contact.track is track for contact in contacts) for track in tracks), default=0)
-    return _panels(contacts, layout) if crowd > _MOST_OVERLAID else _overlaid(tracks, layout)
+    return _panels(contacts, layout) if crowd > most_overlaid else _overlaid(tracks, layout)
 
 
 class _Contact:
@@ -51,17 +46,17 @@ class _Contact:
         self.path_mm = float(np.nansum(steps[self.slipping[1:]]))
 
 
-def _panels(contacts: Sequence[_Contact], layout: Layout) -> Figure:
+def _panels(contacts: Sequence[_Contact], layout: Layout, most: int = 60, across: int = 10) -> Figure:
     """A panel for each contact, on one scale, in the order of time; those with the longest slips if they are many."""
     import matplotlib.pyplot as plt
     from matplotlib.collections import LineCollection
 
-    chosen = heapq.nlargest(_MOST_PANELS, contacts, key=lambda contact: contact.path_mm)
+    chosen = heapq.nlargest(most, contacts, key=lambda contact: contact.path_mm)
     chosen.sort(key=lambda contact: float(contact.t_s[0]))
     start_s = min(float(contact.track.numbers["t_s"][0]) for contact in chosen)
     boxes = [extent_mm(layout, layout.pads.index(contact.track.pad)) for contact in chosen]
     wide, high = max(box[1] - box[0] for box in boxes), max(box[3] - box[2] for box in boxes)
-    cols = min(_ACROSS, len(chosen))
+    cols = min(across, len(chosen))
     rows = -(-len(chosen) // cols)
     width = 10.5 / cols
     height = float(np.clip(width * high / wide, 0.5, 2.2)) + 0.34
@@ -83,7 +78,7 @@ def _panels(contacts: Sequence[_Contact], layout: Layout) -> Figure:
         axis.set_ylim((low + top - 1.1 * high) / 2, (low + top + 1.1 * high) / 2)
         axis.set_axis_off()
         title = f"{contact.t_s[0] - start_s:.1f} s  {contact.path_mm:.0f} mm"
-        axis.set_title(f"{plain(contact.track.pad)}\n{title}", fontsize=6.5, fontweight="normal", pad=2)
+        axis.set_title(f"{contact.track.pad}\n{title}", fontsize=6.5, fontweight="normal", pad=2)
     few = len(chosen) < len(contacts)
     count = (
         f"The {len(chosen)} of {len(contacts)} contacts that slip farthest" if few else f"All {len(chosen)} contacts"
@@ -92,7 +87,7 @@ def _panels(contacts: Sequence[_Contact], layout: Layout) -> Figure:
         f"{count}, with start time and length of path while slipping. Blue dot: first position; black square: last; "
         f"orange: slip. All pads have one scale; the widest is {wide:.0f} mm."
     )
-    caption(figure, text, 150)
+    caption(figure, text)
     return figure
 
 
@@ -131,17 +126,17 @@ def _overlaid(tracks: Sequence[Track], layout: Layout) -> Figure:
             linewidths=0,
             zorder=3,
         )
-        axis.set_title(plain(track.pad))
+        axis.set_title(track.pad)
         axis.set_xlabel("x in mm")
     axes[0, 0].set_ylabel("y in mm")
     if dots is not None:
         figure.colorbar(dots, ax=axes[0, -1], label="time in s", shrink=0.8)
-    caption(figure, "Path of the object on the pad; large dots: slip.", int(14 * figure.get_figwidth()))
+    caption(figure, "Path of the object on the pad; large dots: slip.")
     return figure
 
 
-def _box_mm(layout: Layout, track: Track) -> tuple[float, float, float, float]:
-    """left, right, low, high of the pad and the way, which may lead half a pad beyond it and is cut there."""
+def _box_mm(layout: Layout, track: Track) -> Box:
+    """The pad and the way, which may lead half a pad beyond it and is cut there."""
     left, right, low, high = extent_mm(layout, layout.pads.index(track.pad))
     wide, tall = (right - left) / 2, (high - low) / 2
     at_mm = 1e3 * track.position_m[np.isfinite(track.position_m).all(axis=1)]
@@ -155,13 +150,6 @@ def _box_mm(layout: Layout, track: Track) -> tuple[float, float, float, float]:
 
 def draw_pad(axis: Axes, layout: Layout, pad: int) -> None:
     """Taxels of a pad, faint, in mm, row 0 on top."""
-    from matplotlib.collections import PolyCollection
-
-    shapes = list(1e3 * outlines(layout, pad))
-    axis.add_collection(PolyCollection(shapes, facecolor="#f1f3f4", edgecolor="#dadce0", linewidth=0.6, zorder=1))
-    left, right, low, high = extent_mm(layout, pad)
-    axis.set_xlim(left, right)
-    axis.set_ylim(low, high)
-    axis.set_aspect("equal")
-    axis.grid(visible=False)
+    draw_taxels(axis, 1e3 * outlines(layout, pad), facecolor=FAINT, linewidth=0.6)
+    show_box(axis, extent_mm(layout, pad))
     axis.tick_params(colors=INK)

@@ -7,15 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taxelflow.numerics.geometry import transform
+from taxelflow.publish.plots.marks import draw_scale, draw_taxels, show_box
 from taxelflow.publish.plots.outlines import extent_mm, outlines
 from taxelflow.publish.plots.path import draw_pad
-from taxelflow.publish.plots.style import GREY, INK, MAGENTA, VERMILION, caption, plain
+from taxelflow.publish.plots.style import GREY, INK, MAGENTA, UNSEEN, VERMILION, caption, pressure_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from taxelflow.messages import Bools, Floats, LearnedPattern
+    from taxelflow.publish.plots.marks import Box
     from taxelflow.sensors.layout import Layout
 
 _COLOURS = "inferno"
@@ -28,8 +31,8 @@ _HEIGHT = 4.4
 """Of a panel, inches."""
 SHOWN = 0.05
 """The picture reaches to where the pattern has this share of its largest pressure."""
-_DARK, _UNSEEN, _EDGE = "#000004", "#26262c", "#4a4a55"
-"""The colour map's own black, where no taxel ever looked, outlines of taxels."""
+_DARK, _EDGE = "#000004", "#4a4a55"
+"""The colour map's own black, and outlines of taxels on it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +76,7 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
     )
     upper = parts[0, 0]
     axes = upper.subplots(1, panels)
-    scale, unit = _scale(contact)
+    scale, unit = pressure_unit(contact.unit, float(np.nanmax(contact.pattern.pressure)))
     top = float(np.nanmax(contact.pattern.pressure)) / scale
     if contact.scan is not None:
         top = max(top, float(np.nanmax(contact.scan)) / scale)
@@ -83,20 +86,18 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
     shades = _draw_pattern(axes[-2], layout, pad, contact, scale, top)
     dots = _draw_way(axes[-1], layout, pad, contact)
     for axis in axes:
-        axis.set_xlim(box[0], box[1])
-        axis.set_ylim(box[2], box[3])
-        axis.set_aspect("equal")
+        show_box(axis, box)
         axis.set_xticks([])
         axis.set_yticks([])
         axis.spines[:].set_visible(False)
     for axis, colour in ((axes[0], "white"), (axes[-1], INK)):
-        _draw_bar(axis, box, colour)
+        draw_scale(axis, box, colour)
     upper.colorbar(shades, ax=axes[-2], label=f"pressure in {unit}", shrink=0.8, pad=0.03).outline.set_visible(False)
     upper.colorbar(dots, ax=axes[-1], label="time in s", shrink=0.8, pad=0.03).outline.set_visible(False)
-    figure.suptitle(plain(_title(contact)), x=0.01, ha="left", fontweight="bold", fontsize=11)
+    figure.suptitle(_title(contact), x=0.01, ha="left", fontweight="bold", fontsize=11)
     marks = "; marks: direction of the pattern's long axis" if turned else ""
     true = "; black line: true path" if contact.true is not None else ""
-    caption(figure, f"Grey: not observed{marks}{true}.", int(14 * figure.get_figwidth()))
+    caption(figure, f"Grey: not observed{marks}{true}.")
     if turned:
         _draw_turn(parts[1, 0].subplots(), contact)
     return figure
@@ -107,37 +108,27 @@ def _title(contact: Contact) -> str:
     return f"Pattern of the object on {contact.pattern.pad}, {end - start:.1f} s of contact"
 
 
-def _scale(contact: Contact) -> tuple[float, str]:
-    if contact.unit == "Pa" and np.nanmax(contact.pattern.pressure) > 2e3:
-        return 1e3, "kPa"
-    return 1.0, contact.unit
-
-
-def _box_mm(layout: Layout, pad: int, contact: Contact) -> tuple[float, float, float, float]:
+def _box_mm(layout: Layout, pad: int, contact: Contact) -> Box:
     """The pad, the pattern at the pose shown and the way, with a margin, and room for the bar below."""
     left, right, low, high = extent_mm(layout, pad)
-    x, y = _on_pad_mm(contact)
+    places = _on_pad_mm(contact)
     there = np.nan_to_num(contact.pattern.pressure) > SHOWN * np.nanmax(contact.pattern.pressure)
     way = 1e3 * contact.pose[np.isfinite(contact.pose[:, 0]), :2]
-    at = np.concatenate([np.stack([x[there], y[there]], axis=1), way, [[left, low], [right, high]]])
+    at = np.concatenate([places[there], way, [[left, low], [right, high]]])
     (left, low), (right, high) = at.min(axis=0), at.max(axis=0)
     margin = 0.06 * max(right - left, high - low)
     return float(left - margin), float(right + margin), float(low - 2 * margin), float(high + margin)
 
 
-def _on_pad_mm(contact: Contact) -> tuple[Floats, Floats]:
-    """Places (ny, nx) of the pattern on the pad, in the scan that is drawn."""
-    u, v = np.meshgrid(contact.pattern.x_m, contact.pattern.y_m)
-    px, py, theta = np.nan_to_num(contact.pose[contact.shown])
-    cos, sin = np.cos(theta), np.sin(theta)
-    return 1e3 * (px + cos * u - sin * v), 1e3 * (py + sin * u + cos * v)
+def _on_pad_mm(contact: Contact) -> Floats:
+    """Places (ny, nx, 2) of the pattern on the pad, in the scan that is drawn."""
+    places = np.stack(np.meshgrid(contact.pattern.x_m, contact.pattern.y_m), axis=-1)
+    return 1e3 * transform(np.nan_to_num(contact.pose[contact.shown]), places)
 
 
 def _draw_taxels(axis: Axes, layout: Layout, pad: int, image: Floats | None, top: float) -> None:
-    from matplotlib.collections import PolyCollection
-
     own = layout.of_pad(pad)
-    taxels = PolyCollection(list(1e3 * outlines(layout, pad)), edgecolor=_EDGE, linewidth=0.5)
+    taxels = draw_taxels(axis, 1e3 * outlines(layout, pad), edgecolor=_EDGE)
     if image is None:
         taxels.set_facecolor("none")
         taxels.set_alpha(0.6)
@@ -145,13 +136,11 @@ def _draw_taxels(axis: Axes, layout: Layout, pad: int, image: Floats | None, top
         taxels.set_array(np.clip(image[layout.row[own], layout.col[own]], 0.0, None))
         taxels.set_cmap(_COLOURS)
         taxels.set_clim(0.0, top)
-    axis.add_collection(taxels)
-    axis.grid(visible=False)
 
 
 def _draw_pattern(axis: Axes, layout: Layout, pad: int, contact: Contact, scale: float, top: float) -> Any:
-    axis.set_facecolor(_UNSEEN)
-    x, y = _on_pad_mm(contact)
+    axis.set_facecolor(UNSEEN)
+    x, y = np.moveaxis(_on_pad_mm(contact), -1, 0)
     level = np.ma.masked_invalid(np.clip(contact.pattern.pressure / scale, 0.0, None))
     shades = axis.pcolormesh(
         x, y, level, cmap=_COLOURS, vmin=0.0, vmax=top, shading="nearest", rasterized=True, antialiased=False
@@ -160,18 +149,6 @@ def _draw_pattern(axis: Axes, layout: Layout, pad: int, contact: Contact, scale:
     _draw_taxels(axis, layout, pad, None, top)
     axis.set_title(f"pattern from {contact.pattern.scans} scans")
     return shades
-
-
-def _draw_bar(axis: Axes, box: tuple[float, float, float, float], colour: str) -> None:
-    """A scale bar in the lower left corner."""
-    wide, high = box[1] - box[0], box[3] - box[2]
-    length = max(step for step in (1, 2, 5, 10, 20, 50, 100) if step <= max(0.3 * wide, 1))
-    x, y = box[0] + 0.05 * wide, box[2] + 0.035 * high
-    axis.plot([x, x + length], [y, y], color=colour, linewidth=2.2, solid_capstyle="butt", zorder=6)
-    axis.annotate(
-        f"{length} mm", (x + length / 2, y), xytext=(0, 3), textcoords="offset points", ha="center", va="bottom",
-        color=colour, fontsize=8, zorder=6,
-    )  # fmt: skip
 
 
 def _draw_way(axis: Axes, layout: Layout, pad: int, contact: Contact) -> Any:

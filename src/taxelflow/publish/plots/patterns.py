@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.publish.plots.pattern import SHOWN
-from taxelflow.publish.plots.style import INK, caption, plain
+from taxelflow.publish.plots.style import INK, UNSEEN, caption, pressure_unit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,24 +17,19 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Floats, LearnedPattern
 
-_ACROSS = 8
-"""Patterns in a row."""
-_MOST = 64
-"""Patterns at most, those of the most scans."""
 
-
-def patterns_figure(patterns: Sequence[LearnedPattern], unit: str) -> Figure:
+def patterns_figure(patterns: Sequence[LearnedPattern], unit: str, most: int = 64, across: int = 8) -> Figure:
     """A panel per pattern in the order of time, each in the object's frame and in its own scale of pressure.
 
-    With more than 64 patterns, those from most scans.
+    With more patterns than `most`, those from most scans. across: panels in a row.
     """
     import matplotlib.pyplot as plt
 
-    chosen = heapq.nlargest(_MOST, patterns, key=lambda one: one.scans)
+    chosen = heapq.nlargest(most, patterns, key=lambda one: one.scans)
     chosen.sort(key=lambda one: one.t_first_s)
     start_s = min(one.t_first_s for one in patterns)
     half = max(float(np.ptp(ends)) for one in chosen for ends in _bounds_mm(one)) / 2 * 1.06
-    cols = min(_ACROSS, len(chosen))
+    cols = min(across, len(chosen))
     rows = -(-len(chosen) // cols)
     size = min(10.5 / cols, 2.6)
     figure, axes = plt.subplots(
@@ -49,21 +44,21 @@ def patterns_figure(patterns: Sequence[LearnedPattern], unit: str) -> Figure:
         (left, right), (low, high) = _bounds_mm(one)
         top = float(np.nanmax(one.pressure))
         level = np.ma.masked_invalid(np.clip(one.pressure, 0.0, None))
-        axis.set_facecolor("#26262c")
+        axis.set_facecolor(UNSEEN)
         axis.pcolormesh(
             1e3 * one.x_m, 1e3 * one.y_m, level, cmap="inferno", vmin=0.0, vmax=top, shading="nearest", rasterized=True
         )
         axis.set_xlim((left + right) / 2 - half, (left + right) / 2 + half)
         axis.set_ylim((low + high) / 2 - half, (low + high) / 2 + half)
         axis.set_aspect("equal")
-        peak = f"{top / 1e3:.3g} kPa" if unit == "Pa" and top > 2e3 else f"{top:.3g} {unit}"
+        scale, shown = pressure_unit(unit, top)
         axis.set_title(
-            f"{plain(one.pad)}\n{one.t_first_s - start_s:.1f} s, {one.scans} scans\npeak {peak}",
+            f"{one.pad}\n{one.t_first_s - start_s:.1f} s, {one.scans} scans\npeak {top / scale:.3g} {shown}",
             fontsize=6.5, fontweight="normal", color=INK, pad=2,
         )  # fmt: skip
     count = f"{len(chosen)} of {len(patterns)}" if len(chosen) < len(patterns) else f"All {len(chosen)}"
     text = f"{count} learned patterns, each from 0 (black) to its peak; panels are {2 * half:.0f} mm wide."
-    caption(figure, f"{text} Grey: not observed.", int(14 * figure.get_figwidth()))
+    caption(figure, f"{text} Grey: not observed.")
     return figure
 
 

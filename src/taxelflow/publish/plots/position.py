@@ -12,7 +12,7 @@ import numpy as np
 from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.lanes import draw_lanes
-from taxelflow.publish.plots.style import GREY, INK, SLIP, look, plain
+from taxelflow.publish.plots.style import GREY, INK, SLIP, look
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,7 +64,7 @@ def position_figure(
     for track in tracks:
         _draw_lines(axes[0], track, main, start_s, strokes)
     _shade_slips(axes[:3], tracks, start_s)
-    axes[0].set_title(plain(f"Object on {tracks[0].pad}"))
+    axes[0].set_title(f"Object on {tracks[0].pad}")
     seen = "bands: ± 1 standard deviation; shaded: slip"
     axes[0].set_title(seen, loc="right", fontsize=7, fontweight="normal")
     axes[0].legend(loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=4, columnspacing=1.2, handlelength=1.4)

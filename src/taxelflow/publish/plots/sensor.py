@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.numerics.geometry import se3_of, transform
+from taxelflow.publish.plots.marks import draw_arrow, draw_scale, draw_taxels, show_box
 from taxelflow.publish.plots.names import WIDE, free_places, write_names
 from taxelflow.publish.plots.outlines import outlines
 from taxelflow.publish.plots.packing import NAME, packed
 from taxelflow.publish.plots.solid import draw_faces, faces, frame
-from taxelflow.publish.plots.style import BLUE, GREY, INK, TINTS, VERMILION, caption, pale, plain, tick_step, wrapped
+from taxelflow.publish.plots.style import BLUE, GREY, INK, TINTS, VERMILION, caption, caption_lines, pale, tick_step
 from taxelflow.sensors.pad_geometry import geometry_of
 from taxelflow.sensors.triangulation import nearest_m
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from taxelflow.messages import Floats
+    from taxelflow.publish.plots.marks import Box
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
 
@@ -44,7 +46,7 @@ class _Flat:
     shapes: list[Floats]
     placed: bool
     curved: bool
-    bounds: tuple[float, float, float, float]
+    bounds: Box
     size: tuple[float, float]
 
 
@@ -98,10 +100,9 @@ def _drawn(flat: _Flat, tints: list[str]) -> tuple[Figure, Axes]:
     side = float(np.clip(tall, 4.0, 6.0))
     beside = flat.curved and not crowded
     width = max(wide + 0.8 + (side if beside else 0.0), 5.5)
-    words = plain(_words(flat, crowded))
-    letters = int(17.0 * width)
+    words = _words(flat, crowded)
     below = (side if flat.curved else 0.6 * tall) if crowded else 0.0
-    height = max(tall, side if beside else 0.0) + below + 1.0 + 0.15 * len(wrapped(words, letters))
+    height = max(tall, side if beside else 0.0) + below + 1.0 + 0.15 * len(caption_lines(words, width))
     figure = plt.figure(figsize=(width, height), layout="constrained")
     ratios: dict[str, Any] = {"height_ratios": [tall, below]} if crowded else {}
     if beside:
@@ -118,8 +119,8 @@ def _drawn(flat: _Flat, tints: list[str]) -> tuple[Figure, Axes]:
     if flat.curved:
         _draw_space(figure.add_subplot(grid[-1, -1], projection="3d"), flat.sensor, tints)
     title = f"{flat.sensor.name}: {layout.taxels} taxels in {layout.pad_count} pad{'s' if layout.pad_count > 1 else ''}"
-    figure.suptitle(plain(title), x=0.01, ha="left", fontweight="bold")
-    caption(figure, words, letters)
+    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+    caption(figure, words)
     figure.draw_without_rendering()  # lays it out: now a mm has a length on paper
     return figure, axis
 
@@ -154,10 +155,7 @@ def _frame(axis: Axes, flat: _Flat) -> None:
     from matplotlib.ticker import MultipleLocator
 
     left, right, low, high = flat.bounds
-    axis.set_xlim(left, right)
-    axis.set_ylim(low, high)
-    axis.set_aspect("equal")
-    axis.grid(visible=False)
+    show_box(axis, flat.bounds)
     if flat.placed:
         for one, name, extent in ((axis.xaxis, "x", right - left), (axis.yaxis, "y", high - low)):
             few = max(8 * extent / max(right - left, high - low), 3)
@@ -165,18 +163,12 @@ def _frame(axis: Axes, flat: _Flat) -> None:
             one.set_label_text(f"{name} in mm")
         return
     axis.axis("off")
-    length = tick_step(right - left, 8)
-    begin, height = left + 0.02 * (right - left), low + 0.01 * (high - low)
-    axis.plot([begin, begin + length], [height, height], color=INK, linewidth=1.5)
-    axis.annotate(f"{length:g} mm", (begin + length, height), (4, 0), textcoords="offset points", va="center")
+    draw_scale(axis, flat.bounds)
 
 
 def _draw(axis: Axes, flat: _Flat, pad: int, tint: str) -> None:
     """Outlines of a pad's taxels."""
-    from matplotlib.collections import PolyCollection
-
-    colours = _colours(flat, pad, tint)
-    axis.add_collection(PolyCollection(list(flat.shapes[pad]), facecolor=colours, edgecolor=GREY, linewidth=0.5))
+    draw_taxels(axis, flat.shapes[pad], facecolor=_colours(flat, pad, tint), edgecolor=GREY)
 
 
 def _colours(flat: _Flat, pad: int, tint: str) -> list[Any]:
@@ -196,8 +188,7 @@ def _arrows(axis: Axes, flat: _Flat, pad: int) -> None:
     tips = origin + lengths[:, np.newaxis, np.newaxis] * ways
     clear = np.linalg.norm(tips[:, :, np.newaxis] - centres, axis=3).min(axis=(1, 2))
     for tip, colour in zip(tips[int(np.argmax(clear))], (VERMILION, BLUE), strict=True):
-        arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
-        axis.annotate("", xy=tip.tolist(), xytext=origin.tolist(), arrowprops=arrow, zorder=1.5)
+        draw_arrow(axis, origin, tip, colour, 1.0, zorder=1.5)
 
 
 def _number(axis: Axes, flat: _Flat, pad: int, colours: list[Any]) -> None:
@@ -231,7 +222,7 @@ def _draw_names(axis: Axes, flat: _Flat, tints: list[str], points_per_mm: float)
         name, wide = names[pad][common:], float(np.ptp(shape[..., 0]))
         size = min(9.0, 0.9 * wide * points_per_mm / (WIDE * len(name)))
         look: dict[str, Any] = {"fontsize": size, "fontweight": "bold", "color": INK, "ha": "center", "va": "center"}
-        axis.annotate(plain(name), shape.mean(axis=(0, 1)).tolist(), **look)
+        axis.annotate(name, shape.mean(axis=(0, 1)).tolist(), **look)
     axis.set_title("pads")
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Joints
+from taxelflow.publish.plots.marks import draw_taxels
 from taxelflow.publish.plots.names import finger, free_places, write_names
 from taxelflow.publish.plots.packing import NAME
 from taxelflow.publish.plots.solid import draw_faces, faces, frame, on_paper
@@ -137,7 +138,7 @@ def space_figure(hand: InSpace, field: SpaceField | None, title: str) -> Figure:
     if flat is not None and len(arrows[0]):
         _draw_arrows(flat, arrows, projection)
     figure.suptitle("\n".join(wrapped(title, 120)), x=0.01, ha="left", fontsize=10, fontweight="bold")
-    caption(figure, f"{seen} {'' if field is None else field.words}", 165)
+    caption(figure, f"{seen} {'' if field is None else field.words}")
     figure.draw_without_rendering()  # lays it out: now names have a size on the axes
     for view in views:
         _write_names(view, hand, arrows, partial(on_paper, view))
@@ -162,11 +163,9 @@ def _tints(hand: InSpace) -> list[str]:
 
 
 def _draw_map(flat: Axes, hand: InSpace, projection: SphereMap) -> None:
-    from matplotlib.collections import PolyCollection
-
     shapes = [1e3 * projection.project(face) for face in hand.faces]
     colours = [pale(tint) for tint in _tints(hand)]
-    flat.add_collection(PolyCollection(shapes, facecolor=colours, edgecolor=GREY, linewidth=0.4))
+    draw_taxels(flat, shapes, facecolor=colours, edgecolor=GREY, linewidth=0.4)
     flat.autoscale_view()
     flat.margins(0.08)
     flat.set_aspect("equal")

@@ -6,6 +6,7 @@ import math
 import textwrap
 import warnings
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.errors import ExtraMissing
@@ -13,9 +14,10 @@ from taxelflow.runtime.whole_file import whole_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
     from matplotlib.figure import Figure
+
+_SHEET = Path(__file__).with_name("pictures.mplstyle")
 
 BLUE, VERMILION, GREEN, MAGENTA, GREY, INK = "#0072b2", "#d55e00", "#009e73", "#cc2fa0", "#9aa0a6", "#202124"
 """Okabe and Ito's colours; the paper marks its maximum in magenta."""
@@ -23,8 +25,8 @@ BLUE, VERMILION, GREEN, MAGENTA, GREY, INK = "#0072b2", "#d55e00", "#009e73", "#
 TINTS = (BLUE, GREEN, MAGENTA, "#e69f00", "#56b4e9", VERMILION)
 """Of things that have no order, such as pads."""
 
-SLIP = "#fdeccd"
-"""Shade behind a slip."""
+SLIP, FAINT, EDGE, UNSEEN = "#fdeccd", "#f1f3f4", "#dadce0", "#26262c"
+"""Shade behind a slip; taxels without pressure, and their outlines; what no taxel observed of a pattern."""
 
 LOOK = {
     "lnorm": {"label": "L norm (Method I)", "color": BLUE, "marker": "o"},
@@ -46,37 +48,10 @@ def styled() -> Iterator[None]:
     except ImportError as error:
         raise ExtraMissing("plot", "matplotlib") from error
     mpl.use("Agg")  # pictures are files; no window is needed
-    settings: Any = {
-        "font.size": 9.0,
-        "axes.spines.top": False,
-        "axes.spines.right": False,
-        "axes.edgecolor": GREY,
-        "axes.labelcolor": INK,
-        "axes.titlesize": 10.0,
-        "axes.titleweight": "bold",
-        "axes.titlelocation": "left",
-        "xtick.color": INK,
-        "ytick.color": INK,
-        "axes.grid": True,
-        "grid.color": "#e8eaed",
-        "grid.linewidth": 0.6,
-        "axes.axisbelow": True,
-        "legend.frameon": False,
-        "figure.dpi": 110,
-        "savefig.dpi": 160,
-        "savefig.bbox": "tight",
-        "svg.hashsalt": "taxelflow",  # the same result gives the same file
-        "svg.fonttype": "none",
-    }
-    with mpl.rc_context(settings), warnings.catch_warnings():
+    with mpl.rc_context(fname=_SHEET), warnings.catch_warnings():
         # An svg keeps letters as text, for fonts of the reader; elsewhere a box stands for one that the font lacks.
         warnings.filterwarnings("ignore", message=r"Glyph \d+ .* missing from")
         yield
-
-
-def plain(text: str) -> str:
-    """Text in which a dollar is a dollar, and no formula begins."""
-    return text.replace("$", r"\$")
 
 
 def tick_step(extent: float, count: float) -> float:
@@ -107,9 +82,20 @@ def wrapped(text: str, characters: int) -> list[str]:
     return textwrap.wrap(text, characters, break_on_hyphens=False)
 
 
-def caption(figure: Figure, text: str, characters: int) -> None:
-    """A caption under the figure, in lines of at most this many characters."""
-    figure.supxlabel("\n".join(wrapped(text, characters)), fontsize=8, color=INK, x=0.01, ha="left")
+def caption_lines(text: str, inches: float) -> list[str]:
+    """Lines of a caption of this width."""
+    return wrapped(text, int(14 * inches))  # letters of 8 points
+
+
+def caption(figure: Figure, text: str) -> None:
+    """A caption under the figure, over its width."""
+    lines = caption_lines(text, figure.get_figwidth())
+    figure.supxlabel("\n".join(lines), fontsize=8, color=INK, x=0.01, ha="left")
+
+
+def pressure_unit(unit: str, most: float) -> tuple[float, str]:
+    """What to divide pressures up to `most` by, and their unit then: kPa instead of thousands of Pa."""
+    return (1e3, "kPa") if unit == "Pa" and most > 2e3 else (1.0, unit)
 
 
 def save(figure: Figure, path: Path) -> Path:

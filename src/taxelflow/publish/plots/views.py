@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.publish.plots.style import GREY, INK, MAGENTA, VERMILION, plain
+from taxelflow.publish.plots.marks import draw_arrow
+from taxelflow.publish.plots.style import GREY, INK, MAGENTA, VERMILION, tick_step
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,7 @@ def views_figure(title: str, pressure: Floats, unit: str, convolution: Floats, s
     import matplotlib.pyplot as plt
 
     figure = plt.figure(figsize=(10.5, 3.9))
-    figure.suptitle(plain(title), x=0.02, ha="left", fontweight="bold")
+    figure.suptitle(title, x=0.02, ha="left", fontweight="bold")
     _draw_bars(figure.add_axes((0.0, 0.0, 0.36, 0.88), projection="3d"), pressure)
     _draw_convolution(figure.add_axes((0.43, 0.13, 0.24, 0.68)), convolution)
     _draw_vector(figure.add_axes((0.71, 0.11, 0.27, 0.70)), slip_mm)
@@ -77,7 +78,7 @@ def _draw_convolution(axis: Axes, convolution: Floats) -> None:
 
 def _draw_vector(axis: Axes, slip_mm: tuple[float, float]) -> None:
     size = float(np.hypot(*slip_mm))
-    outer = _round_up(size)
+    outer = 3 * tick_step(max(size, 0.03), 3)  # so that three rings have round radii
     across = -np.sign(slip_mm[1] or 1.0) * np.sqrt(0.5)  # numbers stand where the arrow does not
     for share in (1 / 3, 2 / 3, 1.0):
         ring = outer * share
@@ -91,20 +92,9 @@ def _draw_vector(axis: Axes, slip_mm: tuple[float, float]) -> None:
     axis.plot([-outer, outer], [0, 0], color=GREY, linewidth=0.4)
     axis.plot([0, 0], [-outer, outer], color=GREY, linewidth=0.4)
     if size > 0:
-        axis.annotate(
-            "", xy=slip_mm, xytext=(0, 0), arrowprops={"arrowstyle": "-|>", "color": VERMILION, "linewidth": 2.2}
-        )
+        draw_arrow(axis, (0, 0), slip_mm, VERMILION, 2.2)
     axis.set_xlim(-1.15 * outer, 1.15 * outer)
     axis.set_ylim(-1.15 * outer, 1.15 * outer)
     axis.set_aspect("equal")
     axis.grid(visible=False)
     axis.axis("off")
-
-
-def _round_up(size: float) -> float:
-    """The next of 0.3, 0.6, 1.5, 3, 6, 15, ... so that rings read well."""
-    for decade in (0.03, 0.3, 3.0, 30.0, 300.0):
-        for step in (1.0, 2.0, 5.0):
-            if size <= decade * step:
-                return decade * step
-    return size

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.numerics.spans import spans
-from taxelflow.publish.plots.film import box_mm, on_hand
+from taxelflow.publish.plots.outlines import box_mm, on_hand_mm
+from taxelflow.publish.plots.style import INK
 from taxelflow.publish.report.series import Packer, binned
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def truth_chart(pad: str, t_s: Floats, pose: Floats) -> dict[str, Any]:
     """The truth of one pad: times (n,) since the recording's first scan, pose (n, 3); no lane."""
     packer = Packer()
     width = -(-len(t_s) // _ROUNDED.most_truth)
-    chart: dict[str, Any] = {"label": "truth", "short": "truth", "colour": "#202124", "truth": True, "lag_s": 0.0}
+    chart: dict[str, Any] = {"label": "truth", "short": "truth", "colour": INK, "truth": True, "lag_s": 0.0}
     chart |= {"width": width, "t": packer.add(t_s[::width], _ROUNDED.time_s), "lanes": {}}
     columns = (("x", 1e3 * pose[:, 0], _ROUNDED.position_mm), ("y", 1e3 * pose[:, 1], _ROUNDED.position_mm))
     turn = ("theta", np.degrees(pose[:, 2]), _ROUNDED.turn_deg)
@@ -115,7 +116,7 @@ def _lanes(track: Track, events: Sequence[Event], zero_s: float) -> dict[str, An
 
 def hand_chart(layout: Layout, touched: Sequence[int]) -> dict[str, Any]:
     """Outlines of all taxels, and boxes around them and around the pads touched, mm; all pads have a place."""
-    outlines = [np.round(1e3 * shape, 2).tolist() for pad in range(layout.pad_count) for shape in on_hand(layout, pad)]
+    outlines = [np.round(shape, 2).tolist() for pad in range(layout.pad_count) for shape in on_hand_mm(layout, pad)]
     boxes = {"box": box_mm(layout), "touched": box_mm(layout, touched or None)}
     return {"outlines": outlines} | {name: [round(side, 2) for side in box] for name, box in boxes.items()}
 

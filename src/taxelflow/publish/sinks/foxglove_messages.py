@@ -12,6 +12,7 @@ import numpy as np
 
 from taxelflow.errors import ExtraMissing
 from taxelflow.numerics.clock import nanoseconds
+from taxelflow.numerics.geometry import transform
 from taxelflow.sensors.triangulation import raster_cell_m
 
 if TYPE_CHECKING:
@@ -55,7 +56,9 @@ class Drawing:
         self._points = np.zeros((self._layout.taxels, 4), np.float32)
         for pad in range(self._layout.pad_count):
             own = self._layout.of_pad(pad)
-            self._points[own, :2] = self._in_hand(pad, np.stack([self._layout.x_m[own], self._layout.y_m[own]], axis=1))
+            self._points[own, :2] = transform(
+                self._place[pad], np.stack([self._layout.x_m[own], self._layout.y_m[own]], axis=1)
+            )
         number = messages.PackedElementFieldNumericType.Float32
         self._axes = [
             messages.PackedElementField(name=name, offset=_FLOAT * k, type=number)
@@ -99,7 +102,7 @@ class Drawing:
             length = _ARROW_S * float(np.hypot(*velocity[pad, :2]))
             if not length >= _SHORTEST_M or not np.isfinite(place[pad]).all():
                 continue
-            x, y = self._in_hand(pad, place[pad][np.newaxis])[0].tolist()
+            x, y = transform(self._place[pad], place[pad]).tolist()
             turn = float(np.arctan2(velocity[pad, 1], velocity[pad, 0]) + self._place[pad, 2])
             red = 1.0 if update.slipping[-1, pad] else 0.2
             arrows.append(
@@ -120,7 +123,7 @@ class Drawing:
         messages, layout = self._messages, self._layout
         image = np.ascontiguousarray(np.flipud(layout.grid(pad, readings, 0.0)), np.float32)  # y grows upwards
         cell, corner = self._cells[pad]
-        x, y = self._in_hand(pad, corner[np.newaxis])[0].tolist()
+        x, y = transform(self._place[pad], corner).tolist()
         return messages.Grid(
             timestamp=stamp,
             frame_id=_FRAME,
@@ -132,13 +135,6 @@ class Drawing:
             fields=self._value,
             data=np.nan_to_num(image).tobytes(),
         )
-
-    def _in_hand(self, pad: int, xy: Floats) -> Floats:
-        """(points, 2) of a pad's frame, in the hand's."""
-        x, y, theta = self._place[pad]
-        c, s = np.cos(theta), np.sin(theta)
-        turned: Floats = xy @ np.array([[c, s], [-s, c]]) + (x, y)
-        return turned
 
     def _pose(self, x: float, y: float, theta: float) -> Any:
         messages = self._messages

@@ -10,10 +10,10 @@ import msgspec
 import numpy as np
 
 from taxelflow.messages import QUALITY
+from taxelflow.publish.columns import OBJECT, motion_rows
 from taxelflow.publish.sinks.base import ScanText
 from taxelflow.publish.spatial import COLUMNS, spatial_values
 from taxelflow.publish.spatial import NAME as SPATIAL
-from taxelflow.publish.tables import OBJECT, motion_columns
 
 if TYPE_CHECKING:
     from taxelflow.messages import Event, Motions, Slips
@@ -70,7 +70,7 @@ def pad_rows(update: Update, pads: tuple[str, ...]) -> list[dict[str, Any]]:
 
 def object_rows(motions: Motions) -> list[Any]:
     """For each scan, the columns of object.csv, as structs."""
-    return [_Object(*row) for row in motion_columns(motions)]
+    return [_Object(*row) for row in motion_rows(motions)]
 
 
 def spatial_objects(update: Update, pads: tuple[str, ...]) -> list[dict[str, float | int | str]]:

@@ -7,7 +7,7 @@ that faces the key light. Curve and matrices: fit by Stephen Hill, as in three.j
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,22 +18,26 @@ if TYPE_CHECKING:
     from taxelflow.publish.view.camera import Axes
     from taxelflow.publish.view.palette import Rgb
 
-_AMBIENT, _KEY = 2.5, 1.6
-"""Intensities. Their sum decides the lightest colour; their ratio, how much darker the sides of a taxel are."""
-_KEY_FROM = (-0.4, 0.5, 1.0)
-"""Along the axes of the picture."""
-_FILL, _FILL_FROM = 0.9, (0.9, -0.7, 0.1)
-"""Of the light on what the key light leaves dark."""
-_FACING = _KEY_FROM[2] / float(np.linalg.norm(_KEY_FROM))
-_LIGHT = (_AMBIENT + _KEY * _FACING) / np.pi
+
+class _Light(NamedTuple):
+    """A light at infinity. along: where it is, along the axes of the picture."""
+
+    intensity: float
+    along: tuple[float, float, float]
+
+
+_KEY, _FILL = _Light(1.6, (-0.4, 0.5, 1.0)), _Light(0.9, (0.9, -0.7, 0.1))
+"""The second shines on what the first leaves dark."""
+_AMBIENT = 2.5
+"""Intensity. With that of the key light it decides the lightest colour, and how much darker sides of a taxel are."""
+_LIGHT = (_AMBIENT + _KEY.intensity * _KEY.along[2] / float(np.linalg.norm(_KEY.along))) / np.pi
 """Radiance of a white surface whose normal is z."""
 _EXPOSURE = 1 / 0.6
 """Of three.js's ACESFilmicToneMapping."""
 _TO_CURVE = np.array([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]])
 _FROM_CURVE = np.array([[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]])
-_UP_1, _UP_0 = 0.0245786, -0.000090537
-_DOWN_2, _DOWN_1, _DOWN_0 = 0.983729, 0.4329510, 0.238081
-"""The curve: (v^2 + _UP_1 v + _UP_0) / (_DOWN_2 v^2 + _DOWN_1 v + _DOWN_0)."""
+_OVER, _UNDER = np.array([1.0, 0.0245786, -0.000090537]), np.array([0.983729, 0.4329510, 0.238081])
+"""The curve is a ratio of two polynomials: their coefficients, the highest power first."""
 _HIGHEST = 0.97
 """Of the curve; above it the light that is needed grows without bound."""
 
@@ -45,11 +49,13 @@ def add_lights(scene: Any, axes: Axes, *, space: bool) -> None:
     scene.configure_default_lights(False)
     scene.configure_environment_map(hdri=None)
     scene.add_light_ambient("/lights/ambient", intensity=_AMBIENT)
-    scene.add_light_directional("/lights/key", intensity=_KEY, position=tuple(np.array(_KEY_FROM) @ np.stack(axes)))
+    scene.add_light_directional("/lights/key", intensity=_KEY.intensity, position=_position(_KEY, axes))
     if space:
-        scene.add_light_directional(
-            "/lights/fill", intensity=_FILL, position=tuple(np.array(_FILL_FROM) @ np.stack(axes))
-        )
+        scene.add_light_directional("/lights/fill", intensity=_FILL.intensity, position=_position(_FILL, axes))
+
+
+def _position(light: _Light, axes: Axes) -> tuple[float, ...]:
+    return tuple(np.array(light.along) @ np.stack(axes))
 
 
 def as_lit(colours: Any) -> NDArray[np.uint8]:
@@ -59,7 +65,7 @@ def as_lit(colours: Any) -> NDArray[np.uint8]:
     """
     wanted = _linear(np.asarray(colours, dtype=np.float64) / 255.0)
     curve = np.clip(wanted @ np.linalg.inv(_FROM_CURVE).T, 0.0, _HIGHEST)
-    a, b, c = 1.0 - curve * _DOWN_2, _UP_1 - curve * _DOWN_1, _UP_0 - curve * _DOWN_0
+    a, b, c = (over - curve * under for over, under in zip(_OVER, _UNDER, strict=True))
     light = (-b + np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))) / (2 * a)
     surface = light @ np.linalg.inv(_TO_CURVE).T / (_EXPOSURE * _LIGHT)
     found: NDArray[np.uint8] = (255.0 * np.clip(surface, 0.0, 1.0)).round().astype(np.uint8)
@@ -76,7 +82,7 @@ def seen(surfaces: Any) -> Floats:
     """sRGB (..., 3) of how surfaces of these reflectances (..., 3) look: the inverse of `as_lit`."""
     light = np.asarray(surfaces, dtype=np.float64) / 255.0 * _LIGHT * _EXPOSURE
     v = light @ _TO_CURVE.T
-    curve = (v * (v + _UP_1) + _UP_0) / (v * (_DOWN_2 * v + _DOWN_1) + _DOWN_0)
+    curve = np.polyval(_OVER, v) / np.polyval(_UNDER, v)
     found: Floats = 255.0 * _encoded(np.clip(curve @ _FROM_CURVE.T, 0.0, 1.0))
     return found
 

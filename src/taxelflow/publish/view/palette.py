@@ -9,12 +9,19 @@ from numpy.typing import NDArray
 
 Rgb = tuple[int, int, int]
 
+
+def rgb(code: str) -> Rgb:
+    """A colour from its code in CSS, such as #eb4600."""
+    red, green, blue = bytes.fromhex(code.removeprefix("#"))
+    return red, green, blue
+
+
 _STOPS = (
-    (0.25, (0, 92, 170)),
-    (0.45, (0, 140, 130)),
-    (0.65, (120, 175, 20)),
-    (0.82, (255, 165, 0)),
-    (1.00, (255, 240, 130)),
+    (0.25, rgb("#005caa")),
+    (0.45, rgb("#008c82")),
+    (0.65, rgb("#78af14")),
+    (0.82, rgb("#ffa500")),
+    (1.00, rgb("#fff082")),
 )
 """Pressure up to the top of the scale, from the colour of an idle taxel on: lightness grows, so that
 a grey print can be read, too."""
@@ -28,10 +35,10 @@ def ramp(idle: Rgb) -> NDArray[np.uint8]:
     return np.stack(channels, axis=1).round().astype(np.uint8)
 
 
-VERMILION: Rgb = (235, 70, 0)
-MAGENTA: Rgb = (225, 40, 170)
-GREEN: Rgb = (0, 150, 95)
-GREY: Rgb = (128, 134, 146)
+VERMILION: Rgb = rgb("#eb4600")
+MAGENTA: Rgb = rgb("#e128aa")
+GREEN: Rgb = rgb("#00965f")
+GREY: Rgb = rgb("#808692")
 
 
 @dataclass(frozen=True)
@@ -65,38 +72,43 @@ class Theme:
 
 DARK = Theme(
     dark=True,
-    background=(17, 19, 25),
-    plate=(50, 56, 71),
-    idle=(72, 79, 97),
-    line=(255, 255, 255),
-    ring=(128, 134, 148),
-    second=(90, 215, 255),
-    words=(196, 201, 212),
-    link=(104, 113, 132),
+    background=rgb("#111319"),
+    plate=rgb("#323847"),
+    idle=rgb("#484f61"),
+    line=rgb("#ffffff"),
+    ring=rgb("#808694"),
+    second=rgb("#5ad7ff"),
+    words=rgb("#c4c9d4"),
+    link=rgb("#687184"),
 )
 LIGHT = Theme(
     dark=False,
-    background=(250, 250, 252),
-    plate=(205, 209, 218),
-    idle=(176, 183, 197),
-    line=(20, 22, 28),
-    ring=(90, 96, 110),
-    second=(0, 120, 190),
-    words=(66, 71, 84),
-    link=(150, 158, 174),
+    background=rgb("#fafafc"),
+    plate=rgb("#cdd1da"),
+    idle=rgb("#b0b7c5"),
+    line=rgb("#14161c"),
+    ring=rgb("#5a606e"),
+    second=rgb("#0078be"),
+    words=rgb("#424754"),
+    link=rgb("#969eae"),
 )
 
 
-_ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-"""Round numbers, so near to each other that a scale is used to two thirds at least."""
-
-
 def round_up(value: float) -> float:
-    """The next of 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 15, ... that is not smaller; 1 for a value that is not above 0."""
+    """The next of 1, 1.5, 2, 3, 4, 5, 6, 8, 10, 15, ... that is not smaller; 1 for a value that is not above 0.
+
+    Of a scale that ends there, two thirds at least are used.
+    """
     if not (value > 0 and np.isfinite(value)):
         return 1.0
     power = 10.0 ** np.floor(np.log10(value) + 1e-12)
-    return float(next(step * power for step in _ROUND if step * power >= value * (1 - 1e-9)))
+    return float(
+        next(
+            step * power
+            for step in (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+            if step * power >= value * (1 - 1e-9)
+        )
+    )
 
 
 def number(value: float) -> str:
