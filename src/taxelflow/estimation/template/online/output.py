@@ -87,7 +87,7 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
         if clear and (m.changing or not _shown(m)):
             m.flag = NOVEL
     else:
-        rows.quality[k, pad] = UNRESOLVED
+        rows.quality[k, pad] = UNRESOLVED if m.strange else rows.quality[k, pad]
         _add_poor(m)
         if m.poor >= _PATIENCE or m.keyframes < YOUNG_KEYFRAMES:
             m.flag = NOVEL

@@ -61,6 +61,8 @@ class Track:
     """Readings in it."""
     unexplained: float
     """Share of the last scan's readings, squared, that the pattern leaves."""
+    strange: bool
+    """Whether it leaves more of them than the error that the sensor may have unseen."""
     speed: Vector
     """From the scan before to the last one, per s."""
     persistence: Annotated[Floats, 2]
