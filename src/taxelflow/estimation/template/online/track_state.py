@@ -115,7 +115,9 @@ class Track:
     slack_t: float
     """Variance of x and y, and of theta, from errors of the pattern."""
     broken: float
-    """Variance of x and y since the contact began: it was lost, or its pattern, known well, put it elsewhere."""
+    """Variance of x and y since the contact began, where it was lost."""
+    wander: float
+    """Variance of x and y by the frames of maps: how far keyframes were reported from where the map has them."""
     cut: bool
     """Whether this contact has ever been cut by the border."""
     probation: float
