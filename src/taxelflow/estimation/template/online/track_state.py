@@ -76,7 +76,7 @@ class Track:
     """Of the last scan: place and sum of the loaded readings."""
     border: float
     """Share of them at the pad's border."""
-    centroid_covariance: Annotated[Floats, 6]
+    centroid_covariance: Annotated[Floats, 9]
     """See `numerics.centroid`."""
     hidden: Annotated[Floats, 4]
     """What the border hides of a motion from that place, see `numerics.cut`."""
