@@ -12,7 +12,7 @@ import pytest
 from elastic_skin import PITCH_M, RATE_HZ, SENSOR, on_skin
 from synthetic import assert_same, recorded
 from taxelflow.estimation import rest_hypothesis
-from taxelflow.estimation.rest_hypothesis import RestHypothesis
+from taxelflow.estimation.rest_hypothesis import RestHypothesis, Shifts
 from taxelflow.messages import AMBIGUOUS, OK, cut
 from taxelflow.numerics.rest_or_slide import compare
 from taxelflow.pipeline import api
@@ -127,3 +127,27 @@ def test_the_covariance_of_a_rocked_object_holds_its_distance_from_its_reference
     away = np.abs(slips.pose[:, 0, 0] - slips.pose[slips.quality[:, 0] == OK][0, 0, 0])
     assert doubted.any()
     assert np.sqrt(slips.covariance[doubted, 0, 0, 0]).max() > 0.5 * away[doubted].max()
+
+
+@both
+def test_what_a_load_did_to_poses_at_rest_is_in_their_covariance_when_the_object_slides(mode: Mode) -> None:
+    rocked, even = (api.estimate(on_skin(SLID, load), "convolution", mode=mode).slips for load in (ROCKED, AT_REST))
+    still, slides = slice(FIRST + 50, FIRST + 140), slice(FIRST + 185, FIRST + 195)
+    shift = np.var(rocked.pose[still, 0, 0])
+    more = rocked.covariance[slides, 0, 0, 0] - even.covariance[slides, 0, 0, 0]
+    assert shift > (0.1 * PITCH_M) ** 2
+    assert np.median(more) > 0.3 * shift
+
+
+def test_excursions_that_come_back_are_what_the_load_does_and_slides_are_not() -> None:
+    shifts = Shifts()
+    for x in (0.0, 1.0, 3.0, 2.0):
+        shifts.see(np.array([x, 0.0]))
+    np.testing.assert_array_equal(shifts.covariance, 0.0)  # it may slide
+    shifts.see(np.array([1.5, 0.0]))
+    np.testing.assert_allclose(shifts.covariance, [[(1 + 9 + 4 + 1.5**2) / 5, 0.0], [0.0, 0.0]])
+    before = shifts.covariance
+    shifts.see(np.array([0.0, 9.0]))
+    shifts.forget()
+    shifts.see(np.array([0.0, 10.0]))
+    np.testing.assert_array_equal(shifts.covariance, before)

@@ -64,7 +64,7 @@ def test_noise_around_a_contact_gives_its_centre_no_negative_variance() -> None:
 
 
 def covariance(places: Floats, reading: Floats, variance: Floats, error: float, tilt: float = 0.0) -> Floats:
-    middle, out = np.empty(5), np.empty(6)
+    middle, out = np.empty(5), np.empty(9)
     pressure_centre(reading, variance, places, np.zeros(len(reading), np.bool_), middle)
     centroid_covariance(reading, variance, np.full(len(reading), 1000.0), places, middle, error, tilt, out)
     return out
@@ -88,7 +88,7 @@ def test_noise_and_errors_of_readings_scatter_the_centroid_by_its_covariance() -
     flat = covariance(places, reading, np.full(12, 0.25), 0.0)
     draws = reading * (1 + 0.02 * random.normal(size=(40_000, 12))) + 0.5 * random.normal(size=(40_000, 12))
     scatter = np.cov((draws @ places.T / draws.sum(axis=1, keepdims=True)).T)
-    predicted = out[:3] - flat[:3] + out[3:]
+    predicted = out[:3] - flat[:3] + out[3:6]
     np.testing.assert_allclose(predicted, scatter[[0, 0, 1], [0, 1, 1]], rtol=0.05, atol=2e-7)
 
 

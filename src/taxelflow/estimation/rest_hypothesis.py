@@ -7,6 +7,9 @@ until the pattern contradicts: until a slide explains its change since then at l
 bin. Where less than half of the load is still on taxels that were loaded at the reference, the object has come that
 far.
 
+Load that has shifted poses at rest goes on to shift when the object slides. So how far excursions went that came back,
+without a slide, is learned, and is a part of the covariance of poses that have moved.
+
 An object that has moved, and then stays, has a new reference; so has one that has moved so far that much of what is
 over the pad now was not before. A batch knows how an excursion from the reference goes on: if a slide explains it
 within 2 s, it was one from its beginning.
@@ -14,7 +17,7 @@ within 2 s, it was one from its beginning.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -39,6 +42,8 @@ _NEAR = 0.1
 """Pitches from its reference up to which an object rests: so small a shift contradicts nothing."""
 _KNOWN = 0.75
 """Share of the taxels that must have been over the pad at the reference; half of it is too little for a slide."""
+_BACK = 0.5
+"""Share of its largest distance from the reference below which an excursion has come back: a load has shifted."""
 _STAYS_S = 0.4
 """Time for which an object that has moved stays within a quarter of a pitch until it rests."""
 
@@ -55,17 +60,45 @@ class _Reference:
 @dataclass(slots=True, eq=False)
 class _Rows:
     """Scans whose poses are not judged yet. t_s: (scans,). origin_m: (scans, pads, 2), of the reference; NaN if none.
-    moved: (scans, pads), whether a slide explains the pattern. excursion: (scans, pads), counts returns.
+    shifted: (scans, pads, 2, 2), see `Shifts`. moved: (scans, pads), whether a slide explains the pattern. excursion:
+    (scans, pads), counts returns.
     """
 
     t_s: Floats
     origin_m: Floats
+    shifted: Floats
     moved: Bools
     excursion: NDArray[np.int64]
 
     def after(self, count: int) -> _Rows:
         """Without the first scans, this many."""
-        return _Rows(self.t_s[count:], self.origin_m[count:], self.moved[count:], self.excursion[count:])
+        kept = self.t_s[count:], self.origin_m[count:], self.shifted[count:]
+        return _Rows(*kept, self.moved[count:], self.excursion[count:])
+
+
+class Shifts:
+    """What the load does to the pose of an object that rests: covariance (2, 2), m^2, of excursions that came back."""
+
+    def __init__(self) -> None:
+        self.covariance = np.zeros((2, 2))
+        self._bins = 0
+        self.forget()
+
+    def forget(self) -> None:
+        """Leave out the present excursion: a slide explains it."""
+        self._open: list[Floats] = []
+        self._furthest_m = 0.0
+
+    def see(self, away_m: Floats) -> None:
+        """A bin in which no slide explains how far (2,) the pose is from its reference."""
+        distance_m = float(np.hypot(*away_m))
+        self._open.append(np.outer(away_m, away_m))
+        self._furthest_m = max(self._furthest_m, distance_m)
+        if distance_m > _BACK * self._furthest_m:
+            return
+        self._bins += len(self._open)
+        self.covariance = self.covariance + (sum(self._open) - len(self._open) * self.covariance) / self._bins
+        self.forget()
 
 
 class RestHypothesis:
@@ -81,6 +114,8 @@ class RestHypothesis:
         self._at_once = 0  # so many in a scan, that all are done within a bin
         self._references: dict[int, _Reference] = {}
         self._stays: dict[int, tuple[Floats, float]] = {}  # where an object stays, and since when
+        self._shifts: defaultdict[int, Shifts] = defaultdict(Shifts)
+        self._shifted = np.zeros((pads, 2, 2))
         self._known = np.zeros(pads, dtype=np.bool_)
         self._origin_m = np.full((pads, 2), np.nan)
         self._moved, self._far = np.zeros((2, pads), dtype=np.bool_)
@@ -90,6 +125,7 @@ class RestHypothesis:
         _widen(
             none,
             none,
+            np.zeros((0, pads, 2, 2)),
             np.zeros((0, pads), np.bool_),
             self._pitch_m,
             np.zeros((0, pads, 3, 3)),
@@ -107,6 +143,7 @@ class RestHypothesis:
             return
         known = slips.contact & np.isfinite(slips.pose[..., 0])
         origin_m, moved = np.empty((*known.shape, 2)), np.empty_like(known)
+        shifted = np.empty((*known.shape, 2, 2))
         excursion = np.empty(known.shape, dtype=np.int64)
         for scan, t_s in enumerate(slips.t_s.tolist()):
             if known[scan].tobytes() != self._known.tobytes():
@@ -116,7 +153,8 @@ class RestHypothesis:
             for _ in range(min(self._at_once, len(self._due))):
                 self._compare(*self._due.popleft())
             origin_m[scan], moved[scan], excursion[scan] = self._origin_m, self._moved, self._excursion
-        self._rows.append(_Rows(slips.t_s, origin_m, moved, excursion))
+            shifted[scan] = self._shifted
+        self._rows.append(_Rows(slips.t_s, origin_m, shifted, moved, excursion))
 
     def doubted(self, slips: Slips) -> Slips:
         """The oldest scans of `step` whose poses were not given out yet, with the covariance that rest asks for."""
@@ -127,7 +165,8 @@ class RestHypothesis:
         self._rows = [rows.after(count)] if len(rows.t_s) > count else []
         moved = _in_time(rows, self._ahead_s)[:count] if self._ahead_s else rows.moved
         covariance, quality = slips.covariance.copy(), slips.quality.copy()
-        _widen(slips.pose[..., :2], rows.origin_m[:count], moved, self._pitch_m, covariance, quality)
+        places = slips.pose[..., :2], rows.origin_m[:count], rows.shifted[:count]
+        _widen(*places, moved, self._pitch_m, covariance, quality)
         return replace(slips, covariance=covariance, quality=quality)
 
     def _end(self, known: Bools) -> None:
@@ -135,6 +174,8 @@ class RestHypothesis:
         for pad in np.flatnonzero(self._known & ~known).tolist():
             self._references.pop(pad, None)
             self._stays.pop(pad, None)
+            self._shifts.pop(pad, None)
+            self._shifted[pad] = 0.0
             self._origin_m[pad], self._moved[pad], self._far[pad] = np.nan, False, False
         self._due = deque(each for each in self._due if known[each[0]])
         self._excursion += known != self._known
@@ -157,6 +198,12 @@ class RestHypothesis:
         before = self._references.get(pad)
         if before is not None:
             self._moved[pad] = self._has_moved(pad, before, now, float(np.median(seen.noise[own])))
+            shifts = self._shifts[pad]
+            if self._moved[pad]:
+                shifts.forget()
+            else:
+                shifts.see(pose[:2] - self._origin_m[pad])
+            self._shifted[pad] = shifts.covariance
         rests = self._moved[pad] and seen.until_s - since_s > _STAYS_S
         if before is None or rests:
             self._moved[pad] = False
@@ -194,23 +241,32 @@ def _in_time(rows: _Rows, ahead_s: float) -> Bools:
 
 @kernel
 def _widen(
-    place_m: Floats, origin_m: Floats, moved: Bools, pitch_m: Floats, covariance: Floats, quality: Bytes
+    place_m: Floats,
+    origin_m: Floats,
+    shifted: Floats,
+    moved: Bools,
+    pitch_m: Floats,
+    covariance: Floats,
+    quality: Bytes,
 ) -> None:
-    """Add to covariances (scans, pads, 3, 3) the distance of places (scans, pads, 2) from their references, unless they
-    have moved (scans, pads); quality (scans, pads) follows. pitch_m: (pads,).
+    """Add to covariances (scans, pads, 3, 3) the distance of places (scans, pads, 2) from their references, or, where
+    they have moved (scans, pads), what the load does to them; quality (scans, pads) follows. pitch_m: (pads,).
     """
     for scan in range(len(place_m)):
         for pad in range(len(pitch_m)):
             x = place_m[scan, pad, 0] - origin_m[scan, pad, 0]
             y = place_m[scan, pad, 1] - origin_m[scan, pad, 1]
-            if moved[scan, pad] or np.isnan(x):
+            if np.isnan(x):
                 continue
-            own = covariance[scan, pad]
-            own[0, 0] += x * x
-            own[1, 1] += y * y
-            own[0, 1] += x * y
-            own[1, 0] += x * y
+            own, more = covariance[scan, pad], shifted[scan, pad]
+            xx, yy, xy = x * x, y * y, x * y
+            if moved[scan, pad]:
+                xx, yy, xy = more[0, 0], more[1, 1], more[0, 1]
+            own[0, 0] += xx
+            own[1, 1] += yy
+            own[0, 1] += xy
+            own[1, 0] += xy
             most = (BLURRED * pitch_m[pad]) ** 2
-            blurred = x * x + y * y > most or eigenvalues2(own[0, 0], own[1, 1], own[0, 1])[1] > most
+            blurred = xx + yy > most or eigenvalues2(own[0, 0], own[1, 1], own[0, 1])[1] > most
             if blurred and quality[scan, pad] == OK:
                 quality[scan, pad] = AMBIGUOUS

@@ -62,7 +62,7 @@ def find_unseen(
     for pad in range(len(pitch_m)):
         first, count = starts[pad], starts[pad + 1] - starts[pad]
         own, variance, edge = np.empty((2, count)), np.empty(count), np.zeros(count, np.bool_)
-        middle, found = np.empty(5), np.empty(6)
+        middle, found = np.empty(5), np.empty(9)
         for i in range(count):
             own[0, i], own[1, i] = places[0, first + i], places[1, first + i]
             variance[i] = noise[first + i] * noise[first + i]

@@ -95,7 +95,8 @@ def centroid_covariance(
     tilt: float,
     out: Floats,
 ) -> None:
-    """Fill out (6,): xx, xy and yy of the centroid's covariance by what it misrepresents, then those by noise.
+    """Fill out (9,): xx, xy and yy of the centroid's covariance by what it misrepresents, those by noise, and those by
+    a tilt of the load, which are a part of the first.
 
     places: (2, taxels) in pitches. middle: (5,), from `pressure_centre`. error: standard deviation of a reading as a
     share of it. tilt: that of the share by which a tilt of the load changes the pressure at a radius of gyration. A
@@ -126,7 +127,8 @@ def centroid_covariance(
             wrong = (mean / total) ** 2
         out[0], out[1], out[2] = out[0] + wrong * x * x, out[1] + wrong * x * y, out[2] + wrong * y * y
         out[3], out[4], out[5] = out[3] + noise * x * x, out[4] + noise * x * y, out[5] + noise * y * y
-    out[0], out[1], out[2] = out[0] + tilt * tilt * xx, out[1] + tilt * tilt * xy, out[2] + tilt * tilt * yy
+    out[6], out[7], out[8] = tilt * tilt * xx, tilt * tilt * xy, tilt * tilt * yy
+    out[0], out[1], out[2] = out[0] + out[6], out[1] + out[7], out[2] + out[8]
     xx, xy, yy = inverse2(1.0 + xx / _CELL, xy / _CELL, 1.0 + yy / _CELL)
     out[0], out[2] = out[0] + _CELL * xx + far_x * far_x, out[2] + _CELL * yy + far_y * far_y
     out[1] += _CELL * xy

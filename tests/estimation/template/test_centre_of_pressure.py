@@ -40,27 +40,64 @@ def spread(random: np.random.Generator) -> Floats:
 
 
 def combined(
-    cov: Floats, doubt: Floats, apart: tuple[float, float] = (0.0, 0.0), *, shows_turn: bool = True
+    cov: Floats,
+    doubt: Floats,
+    apart: tuple[float, float] = (0.0, 0.0),
+    *,
+    common: Floats | None = None,
+    shows_turn: bool = True,
+    is_cut: bool = False,
 ) -> tuple[Floats, Floats]:
-    """W, and the covariance of a place."""
+    """W, and the covariance of a place. common: S, all of D if left out."""
+    shared = doubt if common is None else common
     whole = np.full((3, 3), np.nan)
     whole[:2, :2] = cov
     weight = np.zeros((2, 2))
-    combine(whole, (float(doubt[0, 0]), float(doubt[0, 1]), float(doubt[1, 1])), apart, shows_turn, weight)
+    combine(whole, _parts(doubt), _parts(shared), apart, shows_turn, is_cut, weight)
     return weight, whole[:2, :2]
+
+
+def _parts(matrix: Floats) -> tuple[float, float, float]:
+    return float(matrix[0, 0]), float(matrix[0, 1]), float(matrix[1, 1])
 
 
 @given(seeds)
 def test_the_covariance_holds_for_any_correlation_of_the_two(seed: int) -> None:
     random = np.random.default_rng(seed)
-    cov, doubt = spread(random), spread(random)
-    weight, found = combined(cov, doubt)
+    cov, doubt, alone = spread(random), spread(random), spread(random)
+    weight, found = combined(cov, doubt + alone, common=doubt)
     left, _, right = np.linalg.svd(random.normal(size=(2, 2)))
     common = random.uniform(-1, 1) * left @ right  # of whitened errors: singular values up to 1
     cross = np.linalg.cholesky(cov) @ common @ np.linalg.cholesky(doubt).T
     held = np.eye(2) - weight
-    true = held @ cov @ held.T + weight @ doubt @ weight.T + held @ cross @ weight.T + weight @ cross.T @ held.T
+    true = (
+        held @ cov @ held.T + weight @ (doubt + alone) @ weight.T + held @ cross @ weight.T + weight @ cross.T @ held.T
+    )
     assert np.linalg.eigvalsh(found - true)[0] > -1e-9 * np.trace(found)
+
+
+@given(seeds)
+def test_errors_that_the_two_do_not_share_are_weighed_as_independent_ones(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    cov, doubt = spread(random), spread(random)
+    weight, found = combined(cov, doubt, common=np.zeros((2, 2)))
+    np.testing.assert_allclose(weight, cov @ np.linalg.inv(cov + doubt), atol=1e-6)
+    np.testing.assert_allclose(found, cov - weight @ cov, rtol=1e-3, atol=1e-5 * np.trace(cov))
+
+
+def test_a_centre_that_tilts_by_more_than_the_map_is_uncertain_adds_no_doubt() -> None:
+    """It was 0.96 and 0.04 of the two standard deviations, added up: a fifth more than the map's."""
+    cov, tilt = 0.01 * np.eye(2), 0.2 * np.eye(2)
+    weight, found = combined(cov, tilt + 0.04 * np.eye(2), common=tilt)
+    assert weight[0, 0] < 0.01
+    assert found[0, 0] < 1.05 * cov[0, 0]
+
+
+def test_where_a_border_cuts_the_pattern_the_two_are_weighed_as_independent_and_may_share_all() -> None:
+    cov, doubt = 0.01 * np.eye(2), 0.09 * np.eye(2)
+    weight, found = combined(cov, doubt, common=0.01 * np.eye(2), is_cut=True)
+    np.testing.assert_allclose(weight, 0.1 * np.eye(2))
+    np.testing.assert_allclose(found, (0.9 * 0.1 + 0.1 * 0.3) ** 2 * np.eye(2))
 
 
 @given(seeds)
@@ -86,7 +123,7 @@ def test_a_map_without_a_turn_that_the_load_contradicts_is_as_wrong_as_it_must_b
     random = np.random.default_rng(seed)
     cov, doubt = spread(random), spread(random)
     apart = np.linalg.cholesky(cov + doubt) @ random.normal(size=2) * 10.0 ** random.uniform(-1, 2)
-    weight, found = combined(cov, doubt, (float(apart[0]), float(apart[1])), shows_turn=False)
+    weight, found = combined(cov, doubt, (float(apart[0]), float(apart[1])), common=np.zeros((2, 2)), shows_turn=False)
     wider = np.linalg.solve(np.eye(2) - weight, weight) @ doubt  # of W = C (C + D)^-1
     factor = float(np.trace(np.linalg.solve(cov, wider))) / 2
     np.testing.assert_allclose(wider, factor * cov, rtol=1e-4, atol=1e-6 * factor * np.trace(cov))

@@ -24,12 +24,14 @@ from rigged import rigged
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits, unexplained
+from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits, unexplained, unexplained_and_doubted
 from taxelflow.estimation.template.online.map_update import first_pattern
 from taxelflow.estimation.template.online.relocalization import relocalise
 from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.messages import LOST
+from taxelflow.numerics.centroid import SKIRT_SHARE
 from taxelflow.numerics.records import record
+from taxelflow.numerics.robust import gate
 from taxelflow.pipeline import api
 from taxelflow.simulation.simulate import simulate
 
@@ -95,6 +97,20 @@ def test_a_small_chi_square_is_not_enough() -> None:
     assert not fits(m)
     m.unexplained = 0.1
     assert fits(m)
+
+
+@pytest.mark.parametrize(("share", "strange"), [(0.04, False), (0.4, True)])
+def test_what_the_sensor_may_have_unseen_is_no_misfit(share: float, strange: bool) -> None:
+    """Chi-square of the readings in the contact, with the sensor's error in their variance: silent taxels add none."""
+    level, unseen = float(values().max()), 0.05 * float(values().max())
+    reading = values() * np.where(np.arange(TAXELS) % 2, 1.0 + share, 1.0 - share)
+    taxels = pack_scan(PLACES, WHOLE, reading, VARIANCE, NEVER, ERROR)
+    more, least = unseen**2 - ERROR**2, SKIRT_SHARE * level
+    _, chi, count = unexplained_and_doubted(SURFACE, taxels, ERROR, more, least, STATE_0, np.zeros(2), np.zeros((5, 5)))
+    loaded = np.maximum(reading, values()) > least
+    assert count == loaded.sum() < TAXELS
+    np.testing.assert_allclose(chi, np.sum((reading - values())[loaded] ** 2 / (VARIANCE[loaded] + unseen**2)))
+    assert (chi > gate(1.0, count) * count) == strange
 
 
 def test_a_known_pattern_is_not_recognised_where_it_explains_nothing() -> None:

@@ -68,6 +68,20 @@ def test_keyframes_stay_where_they_were_on_average_by_their_time_and_precision(s
 
 
 @given(seeds)
+def test_the_frame_is_as_uncertain_as_keyframes_were_reported_apart(seed: int) -> None:
+    """However often the map is adjusted: a frame that is held does not add up its steps."""
+    learned, reported, places, variances = turning(seed)
+    m = track()
+    t_s = learned.keyframes.scanned.t_s
+    m.last_t = t_s[-1] + 0.7
+    for _ in range(3):
+        hold(m, learned, reported, PITCH_M)
+    weights = np.diff(np.append(t_s, m.last_t)) / (2.0 * BLURRED**2 + variances)
+    squares = np.sum(left(m, learned.keyframes, places) ** 2, axis=1)
+    np.testing.assert_allclose(m.wander, 0.5 * np.average(squares, weights=weights))
+
+
+@given(seeds)
 def test_a_map_that_has_not_changed_moves_nothing(seed: int) -> None:
     learned, reported, _, _ = turning(seed)
     m = track()

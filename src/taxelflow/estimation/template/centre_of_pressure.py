@@ -11,15 +11,16 @@ contact ends anywhere between two taxels, which moves the centre of n taxels in 
 where a share s of the load lies at the pad's border, a motion d of c has a relative error b. Fourth: a tilt of the load
 changes the pressure at a radius of gyration by a share with standard deviation a, see `tilt`.
 
-With the place p on the map, and its covariance C, the pose is p + W (c - p), W = C (C + D)^-1. Tilt and gains move
-both, with an unknown correlation. For any correlation,
+With the place p on the map, and its covariance C, the pose is p + W (c - p). A tilt and a border move both, with an
+unknown correlation: their part of D is S. A map does not misread cells, or where a contact ends. So for any correlation
 
-    (1 + g) (1 - W) C (1 - W)^T  +  (1 + 1 / g) W D W^T
+    (1 + g) (1 - W) C (1 - W)^T  +  W (D - S) W^T  +  (1 + 1 / g) W S W^T
 
-is an upper bound of the covariance (Hanebeck, Briechle and Horn, 2001); g minimises its trace. Where p and c contradict
-each other, it is multiplied by chi-square per degree of freedom (Birge, 1932). If the map does not determine the angle,
-the error is the map's alone: a rotation, held at 0, shifts p by more than the residuals show, and c not at all. There C
-is multiplied by the factor that makes chi-square 1, and W and the covariance follow from it.
+is an upper bound of the covariance (split covariance intersection, Julier and Uhlmann, 2001); W and g minimise its
+trace, beginning with W = C (C + D)^-1. A centre whose tilt alone outweighs C moves nothing. Where p and c contradict
+each other, the covariance is multiplied by chi-square per degree of freedom (Birge, 1932). If the map does not
+determine the angle, the error is the map's alone: a rotation, held at 0, shifts p by more than the residuals show, and
+c not at all. There C is multiplied by the factor that makes chi-square 1, and W and the covariance follow from it.
 
 A stream's frame shifts when its map is adjusted. W and c refer to the point of the object at the mean of c over all
 keyframes, see `Anchor`: this point hardly shifts, whatever the map before was. Where a new map is rotated, the reported
@@ -28,7 +29,8 @@ point is shifted so that it stays where it was on average, see `online.gauge`.
 **A border** cuts a pattern: c moves by less than the object, or jumps where a part leaves the pad. The map predicts
 that: the centre of the readings that it predicts, compared with the centre without a border, which is a fixed point of
 the object. The part of this difference s that C + D do not explain at three standard deviations is subtracted from c,
-and s s^T is added to D, because that part of c is known from the map only. Smaller differences are not corrected:
+and s s^T is added to D, because that part of c is known from the map only. Where a border cuts a pattern, C has been
+found too small: W stays C (C + D)^-1 there, with S = D. Smaller differences are not corrected:
 otherwise a wrong map would confirm itself.
 
 For a sensor with `unseen_error = 0` none of this is done: there the residuals show the whole error of the map.
@@ -67,7 +69,7 @@ beside its object, and the mean place of what nearly cancels is anywhere, once h
 
 @kernel
 def _centres(scans: Readings, edge: Bools, tilt: float, out: Floats) -> None:
-    """Fill out (scans, 11) with each scan's `pressure_centre` (5,) and `centroid_covariance` (6,)."""
+    """Fill out (scans, 14) with each scan's `pressure_centre` (5,) and `centroid_covariance` (9,)."""
     ceiling, places = scans.ceiling, scans.places
     for k in range(len(scans.value)):
         reading, variance = scans.value[k], scans.variance[k]
@@ -77,24 +79,29 @@ def _centres(scans: Readings, edge: Bools, tilt: float, out: Floats) -> None:
 
 class Centres(NamedTuple):
     """Centres of pressure of scans, in pitches: where they are (scans, 2), the covariance of each as xx, xy and yy
-    (scans, 3), with that by the border, and whether there is a load (scans,).
+    (scans, 3), with that by the border, the part of it that moves places on the map, too, whether there is a load
+    (scans,), and whether the border surely cuts the pattern (scans,).
     """
 
     place: Floats
     covariance: Floats
+    common: Floats
     known: Bools
+    cut: Bools
 
     @classmethod
     def of(cls, scanned: Scanned, edge: Bools, tilt: float) -> Centres:
         """edge: (taxels,), at the pad's border. tilt: see `centroid_covariance`."""
-        found = np.empty((len(scanned), 11))
+        found = np.empty((len(scanned), 14))
         _centres(scanned.with_error(0.0), edge, tilt, found)
         place, border, known = found[:, :2], found[:, 2], found[:, 3] > 0
-        covariance = found[:, 5:8] + found[:, 8:]
+        covariance, common = found[:, 5:8] + found[:, 8:11], found[:, 11:]
         if known.any():
             moved = np.hypot(*(place - np.median(place[known], axis=0)).T)
-            covariance[:, [0, 2]] += ((BORDER_ERROR * border * moved) ** 2)[:, np.newaxis]
-        return cls(place, covariance, known)
+            cut = ((BORDER_ERROR * border * moved) ** 2)[:, np.newaxis]
+            covariance[:, [0, 2]] += cut
+            common[:, [0, 2]] += cut
+        return cls(place, covariance, common, known, np.zeros_like(known))
 
     @property
     def spread(self) -> Floats:
@@ -118,7 +125,7 @@ class Centres(NamedTuple):
         The covariance contains the correction, which follows from the map. Scans before and after a jump are compared
         among themselves only: their part of the map may be another pattern.
         """
-        found = np.empty((len(scanned), 11))
+        found = np.empty((len(scanned), 14))
         model = solved.fit.model
         _centres(replace(scanned, readings=model).with_error(0.0), scanned.edge, 0.0, found)
         has_centre = np.nansum(model, axis=1) > _HAS_CENTRE * np.nansum(np.abs(model), axis=1)
@@ -146,9 +153,12 @@ class Centres(NamedTuple):
         shares = _sure_shares(shift, doubts)
         shift *= (shares if before is None else np.full_like(shares, shares[known].max(initial=0.0)))[:, np.newaxis]
         x, y = shift.T
-        doubted = self.covariance + np.stack([x * x, x * y, y * y], axis=1)
+        doubt = np.stack([x * x, x * y, y * y], axis=1)
         off = np.where(known[:, np.newaxis], off, np.nan)
-        return self._replace(place=self.place - shift, covariance=doubted), middle, off
+        covariance, common = self.covariance + doubt, self.common + doubt
+        cut: Bools = np.asarray(shift.any(axis=1), np.bool_)
+        uncut = Centres(self.place - shift, covariance, common, self.known, cut)
+        return uncut, middle, off
 
 
 def _in_body(places: Floats, states: Floats) -> Floats:
@@ -207,7 +217,8 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt:
     weight, shown = np.zeros((2, 2)), np.isfinite(poses.pose[:, 2])
     for k in np.flatnonzero(known).tolist():
         own = covariance[k] / pitch_m**2
-        combine(own, tuple(centres.covariance[k]), tuple(apart[k]), bool(shown[k]), weight)
+        doubt, common = tuple(centres.covariance[k]), tuple(centres.common[k])
+        combine(own, doubt, common, tuple(apart[k]), bool(shown[k]), bool(centres.cut[k]), weight)
         pose[k, :2] += pitch_m * (weight @ apart[k])
         covariance[k, :2] = pitch_m**2 * own[:2]
         covariance[k, 2, :2] = pitch_m**2 * own[2, :2]

@@ -1,6 +1,7 @@
-"""Covariance intersection of two estimates of one place: by the map, and by the centre of pressure.
+"""Split covariance intersection of two estimates of one place: by the map, and by the centre of pressure.
 
-Symbols as in `centre_of_pressure`: place p on the map with covariance C, centre of pressure c with covariance D.
+Symbols as in `centre_of_pressure`: place p on the map with covariance C, centre of pressure c with covariance D, of
+which S has an unknown correlation with p.
 """
 
 from __future__ import annotations
@@ -11,6 +12,9 @@ from taxelflow.messages import Floats
 from taxelflow.numerics.rounding import LEAST_VARIANCE_M2, SIGNIFICANT
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import inlined, lean_kernel
+
+_ROUNDS = 4
+"""Of the weight and the ratio that minimise the covariance, each with the other held."""
 
 
 @lean_kernel
@@ -33,11 +37,18 @@ def _inflation(cov: tuple[float, float, float], doubt: tuple[float, float, float
 
 @lean_kernel
 def combine(
-    cov: Floats, doubt: tuple[float, float, float], apart: tuple[float, float], shows_turn: bool, weight: Floats
+    cov: Floats,
+    doubt: tuple[float, float, float],
+    common: tuple[float, float, float],
+    apart: tuple[float, float],
+    shows_turn: bool,
+    is_cut: bool,
+    weight: Floats,
 ) -> None:
     """Fill weight W (2, 2), and replace the covariance (3, 3) of a pose on its map by that of the combined pose.
 
-    doubt: D as xx, xy, yy. apart: c - p. shows_turn: whether the map determines the angle, whose variance stays.
+    doubt, common: D and S, each as xx, xy, yy. apart: c - p. shows_turn: whether the map determines the angle, whose
+    variance stays. is_cut: whether the border surely cuts the pattern: then S is all of D, and W as if it were none.
     All are in the same unit.
     """
     map_xx, map_xy, map_yy = cov[0, 0] + LEAST_VARIANCE_M2, cov[0, 1], cov[1, 1] + LEAST_VARIANCE_M2
@@ -45,16 +56,25 @@ def combine(
     map_xx, map_xy, map_yy = wider * map_xx, wider * map_xy, wider * map_yy
     xx, xy, yy = inverse2(map_xx + doubt[0], map_xy + doubt[1], map_yy + doubt[2])
     chi = 0.5 * (apart[0] * apart[0] * xx + 2.0 * apart[0] * apart[1] * xy + apart[1] * apart[1] * yy)
-    weight[0, 0], weight[0, 1] = map_xx * xx + map_xy * xy, map_xx * xy + map_xy * yy
-    weight[1, 0], weight[1, 1] = map_xy * xx + map_yy * xy, map_xy * xy + map_yy * yy
-    p, q, r, s = 1.0 - weight[0, 0], -weight[0, 1], -weight[1, 0], 1.0 - weight[1, 1]
-    own = transformed(p, q, r, s, (map_xx, map_xy, map_yy))
-    other = transformed(weight[0, 0], weight[0, 1], weight[1, 0], weight[1, 1], doubt)
-    ratio = np.sqrt((own[0] + own[2] + LEAST_VARIANCE_M2) / (other[0] + other[2] + LEAST_VARIANCE_M2))
+    wide, ratio, common = 1.0, 0.0, doubt if is_cut else common
+    p = q = r = s = 0.0
+    own = alone = both = (0.0, 0.0, 0.0)
+    for _ in range(1 if is_cut else _ROUNDS):
+        a, b, c = wide * map_xx, wide * map_xy, wide * map_yy
+        d, e, f = doubt[0] + ratio * common[0], doubt[1] + ratio * common[1], doubt[2] + ratio * common[2]
+        xx, xy, yy = inverse2(a + d, b + e, c + f)
+        weight[0, 0], weight[0, 1] = a * xx + b * xy, a * xy + b * yy
+        weight[1, 0], weight[1, 1] = b * xx + c * xy, b * xy + c * yy
+        p, q, r, s = 1.0 - weight[0, 0], -weight[0, 1], -weight[1, 0], 1.0 - weight[1, 1]
+        own = transformed(p, q, r, s, (map_xx, map_xy, map_yy))
+        alone = transformed(weight[0, 0], weight[0, 1], weight[1, 0], weight[1, 1], doubt)
+        both = transformed(weight[0, 0], weight[0, 1], weight[1, 0], weight[1, 1], common)
+        moved, shared = own[0] + own[2] + LEAST_VARIANCE_M2, both[0] + both[2]
+        ratio, wide = np.sqrt(moved / (shared + LEAST_VARIANCE_M2)), 1.0 + np.sqrt(shared / moved)
     scale = max(chi, 1.0)
-    cov[0, 0] = scale * ((1.0 + 1.0 / ratio) * own[0] + (1.0 + ratio) * other[0])
-    cov[1, 1] = scale * ((1.0 + 1.0 / ratio) * own[2] + (1.0 + ratio) * other[2])
-    cov[0, 1] = cov[1, 0] = scale * ((1.0 + 1.0 / ratio) * own[1] + (1.0 + ratio) * other[1])
+    cov[0, 0] = scale * (wide * own[0] + alone[0] + ratio * both[0])
+    cov[1, 1] = scale * (wide * own[2] + alone[2] + ratio * both[2])
+    cov[0, 1] = cov[1, 0] = scale * (wide * own[1] + alone[1] + ratio * both[1])
     x, y = cov[0, 2], cov[1, 2]
     cov[0, 2] = cov[2, 0] = p * x + q * y
     cov[1, 2] = cov[2, 1] = r * x + s * y

@@ -67,15 +67,23 @@ def _put_mean(x: float, y: float, mx: float, my: float, total: float, centre: Fl
 
 @lean_kernel
 def unexplained_and_doubted(
-    surface: Surface, taxels: Packed, error: float, more: float, state: Floats, centre: Floats, normal: Floats
-) -> float:
+    surface: Surface,
+    taxels: Packed,
+    error: float,
+    more: float,
+    least: float,
+    state: Floats,
+    centre: Floats,
+    normal: Floats,
+) -> tuple[float, float, float]:
     """`unexplained`; and normal (5, 5) as `linearise` fills it without robust weights, each variance larger by `more`.
 
-    Both at once, because evaluating the map takes most of the time.
+    Also chi-square with these variances over the readings in the contact, those above `least` as read or as predicted,
+    and their number. All at once, because evaluating the map takes most of the time.
     """
     c, doubt = surface.c, surface.doubt
     x, y, gain, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
-    remains = whole = total = mx = my = 0.0
+    remains = whole = total = mx = my = chi = count = 0.0
     xx = xy = yy = xg = yg = gg = tx = ty = tg = tt = sx = sy = sg = st = ss = 0.0
     for i in range(len(taxels.x)):
         cos, sin = turned(taxels, i, cos_0, sin_0)
@@ -96,6 +104,9 @@ def unexplained_and_doubted(
         fit = live and known and not clipped and not above
         firm = 1.0 / (variance + more)
         weight = firm / (1.0 + firm * doubtful) if fit else 0.0
+        loaded = live and not clipped and not above and max(reading, model) > least
+        chi += off * off * (weight if known else firm) if loaded else 0.0
+        count += 1.0 if loaded else 0.0
         q, qu, qw = q if fit else 0.0, gain * qu if fit else 0.0, gain * qw if fit else 0.0
         jx, jy, jt, js = by_state(u, w, qu, qw, cos, sin)
         wx, wy, wt, wg, ws = weight * jx, weight * jy, weight * jt, weight * q, weight * js
@@ -105,7 +116,7 @@ def unexplained_and_doubted(
         sx, sy, st, sg, ss = sx + ws * jx, sy + ws * jy, st + ws * jt, sg + ws * q, ss + ws * js
     put_lower((xx, xy, yy, tx, ty, tt, xg, yg, tg, gg, sx, sy, st, sg, ss), normal, STATE)
     _put_mean(x, y, mx, my, total, centre)
-    return float(remains / whole) if whole > 0.0 else 0.0
+    return remains / whole if whole > 0.0 else 0.0, chi, count
 
 
 @lean_kernel

@@ -73,8 +73,10 @@ class Reported:
                 spans[np.argmin(np.abs(times - own.t_s))] += own.span_s
         self._places = [own._replace(span_s=float(span)) for own, span in zip(kept, spans, strict=True)]
 
-    def off(self, m: Track, keyframes: Keyframes) -> Floats | None:
-        """(2,), mean of how far keyframes were reported from where the map has them, at angle 0; None if none was."""
+    def off(self, m: Track, keyframes: Keyframes) -> tuple[Floats, float] | None:
+        """(2,), mean of how far keyframes were reported from where the map has them, at angle 0, and its variance along
+        x and y, mean; None if none was.
+        """
         number = {t: k for k, t in enumerate(keyframes.scanned.t_s.tolist())}
         found = [own for own in self._places if own.t_s in number]
         spans = np.array([own.span_s for own in found])
@@ -88,8 +90,9 @@ class Reported:
             turned_by(own.place - reported_place(m, state), -angle)
             for own, state, angle in zip(found, states, angles.tolist(), strict=True)
         ]
-        mean: Floats = np.average(gaps, axis=0, weights=weights if weights.sum() > 0.0 else None)
-        return mean
+        shares = weights if weights.sum() > 0.0 else None
+        mean: Floats = np.average(gaps, axis=0, weights=shares)
+        return mean, 0.5 * float(np.average(np.sum((gaps - mean) ** 2, axis=1), weights=shares))
 
 
 def hold(m: Track, learned: LocalMap, reported: Reported, pitch_m: float) -> None:
@@ -98,9 +101,12 @@ def hold(m: Track, learned: LocalMap, reported: Reported, pitch_m: float) -> Non
     An object that was known before, or that is seen along a line only, keeps its point, as one that grows does.
     """
     reported.thin(learned.keyframes.scanned.t_s)
-    if not learned.turns or learned.grows or np.isinf(m.arm_load) or np.any(m.across > 0.0):
+    found = reported.off(m, learned.keyframes)
+    if found is None:
         return
-    off = reported.off(m, learned.keyframes)
-    if off is not None:
-        m.gauge[:] += off
-        m.before_centre[:2] += pitch_m * turned_by(off, float(state_of(m.state).theta) - m.theta_0)
+    off, m.wander = found
+    if not learned.turns or learned.grows or np.isinf(m.arm_load) or np.any(m.across > 0.0):
+        m.wander += 0.5 * float(off @ off)
+        return
+    m.gauge[:] += off
+    m.before_centre[:2] += pitch_m * turned_by(off, float(state_of(m.state).theta) - m.theta_0)

@@ -255,8 +255,8 @@ class LocalMaps:
             own.shift_waiting(m.state - at)
         stepped = float(np.sum((reported_place(m, m.state) - place) ** 2))  # by so much one of the patterns is wrong
         new.slack[0] = max(new.slack[0], 0.5 * stepped)
-        m.broken += 0.5 * stepped if old.mature else 0.0  # what is known well does not step
-        m.broken = min(m.broken, np.inf if new.anchor is None else new.anchor.variance)
+        most = np.inf if new.anchor is None else new.anchor.variance
+        m.broken, m.wander = min(m.broken, most), min(m.wander, most)
         m.slack = new.slack[0] + new.unseen
         self.go_on(pad)
 

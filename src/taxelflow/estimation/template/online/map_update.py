@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.bundle_adjustment import covariance_of
+from taxelflow.estimation.template.bundle_adjustment import covariance_of, information_of
 from taxelflow.estimation.template.centre_of_pressure import anchor_of
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.deforming import CHANGES, MEMORY
+from taxelflow.estimation.template.depth import with_depth
 from taxelflow.estimation.template.extrapolation import extrapolate
 from taxelflow.estimation.template.hidden_motion import shown_at_rest
 from taxelflow.estimation.template.hypotheses import (
@@ -168,9 +169,12 @@ def _anchor(known: LocalMap, gains: Floats, best: Solved) -> Anchor | None:
 def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:
     """Variance of x and y, in pitches^2, that a tilt of the load adds in the last keyframes."""
     last = slice(-MEMORY, None)
-    own, states = best.fit.information[last], best.states[last]
-    tilted = without_tilt(own, best.pattern, scanned.taken(last), states, max(best.error, tilt_std), tilt_std)
-    more = covariance_of(tilted) - covariance_of(own)
+    states, error, own = best.states[last], max(best.error, tilt_std), scanned.taken(last)
+    precision = own.precision(turns=best.turns, gain_std=best.gain_std)
+    level = own.amplitude if best.heights else 0.0
+    information = information_of(best.pattern, own, with_depth(states, best.depth[last]), error, precision, level)
+    tilted = without_tilt(information, best.pattern, own, states, error, tilt_std)
+    more = covariance_of(tilted) - covariance_of(information)
     return float(np.clip(np.median(0.5 * (more[:, 0, 0] + more[:, 1, 1])), 0.0, _MOST_SLACK[0]))
 
 

@@ -73,7 +73,7 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
     find_centre(scale, m, centre)
     if floor > 0.0 and not in_line:
         weigh_pose(scale, m, centre, pose, cov, weight)
-    _add_step(m.broken * scale * scale, weight, cov)
+    _add_step((m.broken + m.wander) * scale * scale, weight, cov)
     moved = _displacement(t, k, pad, m, noise, centre, weight, rows) / scale
     follow_centre(scale, floor, m)
     add_weighted(pose, centre[0] - pose[0], centre[1] - pose[1], weight)
@@ -87,7 +87,7 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
         if clear and (m.changing or not _shown(m)):
             m.flag = NOVEL
     else:
-        rows.quality[k, pad] = UNRESOLVED
+        rows.quality[k, pad] = UNRESOLVED if m.strange else rows.quality[k, pad]
         _add_poor(m)
         if m.poor >= _PATIENCE or m.keyframes < YOUNG_KEYFRAMES:
             m.flag = NOVEL

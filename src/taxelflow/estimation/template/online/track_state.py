@@ -61,6 +61,8 @@ class Track:
     """Readings in it."""
     unexplained: float
     """Share of the last scan's readings, squared, that the pattern leaves."""
+    strange: bool
+    """Whether it leaves more of them than the error that the sensor may have unseen."""
     speed: Vector
     """From the scan before to the last one, per s."""
     persistence: Annotated[Floats, 2]
@@ -74,7 +76,7 @@ class Track:
     """Of the last scan: place and sum of the loaded readings."""
     border: float
     """Share of them at the pad's border."""
-    centroid_covariance: Annotated[Floats, 6]
+    centroid_covariance: Annotated[Floats, 9]
     """See `numerics.centroid`."""
     hidden: Annotated[Floats, 4]
     """What the border hides of a motion from that place, see `numerics.cut`."""
@@ -113,7 +115,9 @@ class Track:
     slack_t: float
     """Variance of x and y, and of theta, from errors of the pattern."""
     broken: float
-    """Variance of x and y since the contact began: it was lost, or its pattern, known well, put it elsewhere."""
+    """Variance of x and y since the contact began, where it was lost."""
+    wander: float
+    """Variance of x and y by the frames of maps: how far keyframes were reported from where the map has them."""
     cut: bool
     """Whether this contact has ever been cut by the border."""
     probation: float

@@ -9,14 +9,14 @@ import numpy as np
 from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, MAY_BE_HELD, Prior, refine_state
 from taxelflow.estimation.template.linearization import Packed, lanes_for, pack_places, pack_readings
 from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.online.explained import fits, unexplained, unexplained_and_doubted
+from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits, unexplained, unexplained_and_doubted
 from taxelflow.estimation.template.online.motion import is_at_rest, update_motion
 from taxelflow.estimation.template.online.residual_process import predict, update
 from taxelflow.estimation.template.online.track_state import SAME, TURN_STD, Hand, PadScan, Patterns, Room, Scan, Track
 from taxelflow.estimation.template.online.witness import find_shift, middle_of
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
-from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance
+from taxelflow.numerics.centroid import CELL_ERROR, SKIRT_SHARE, centroid_covariance
 from taxelflow.numerics.cut import find_hidden
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import CHEAPER, GATE, HUBER, gate
@@ -127,7 +127,7 @@ def _follow_pad(
         before = brought[:, : count if m.carries else 0]
         m.chi = update(surface, taxels, error, chi / usual, rests, before, rest, precision, lanes[16:], m)
         m.carries = rests or m.chi > GATE * m.usual
-    _judge(surface, taxels, error, floor * level, precision, m)
+    _judge(surface, taxels, error, floor * level, level, precision, m)
     _add_lag(bend, scan, m)
     find_shift(floor, m)
     update_motion(t, span, last, middle, m)
@@ -144,10 +144,14 @@ def _level(scan: PadScan, m: Track) -> float:
 
 
 @lean_kernel
-def _judge(surface: Surface, taxels: Packed, error: float, unseen: float, precision: Floats, m: Track) -> None:
+def _judge(
+    surface: Surface, taxels: Packed, error: float, unseen: float, level: float, precision: Floats, m: Track
+) -> None:
     """Fill m.unexplained, m.shift, and m.doubted with the information that is left if readings have the error that the
-    sensor may have unseen. error, unseen: of a reading, by the pattern and by the sensor.
+    sensor may have unseen; and m.strange, whether they leave more than that. error, unseen: of a reading, by the
+    pattern and by the sensor. level: the contact's largest reading.
     """
+    m.strange = True
     if unseen <= error:
         m.unexplained = unexplained(surface, taxels, error, m.state[:], m.shift[:])
         for a in range(STATE):
@@ -155,7 +159,11 @@ def _judge(surface: Surface, taxels: Packed, error: float, unseen: float, precis
                 m.doubted[a, b] = m.information[a, b]
         return
     more = unseen * unseen - error * error
-    m.unexplained = unexplained_and_doubted(surface, taxels, error, more, m.state[:], m.shift[:], m.doubted[:])
+    least, state = SKIRT_SHARE * level, m.state[:]
+    m.unexplained, chi, count = unexplained_and_doubted(
+        surface, taxels, error, more, least, state, m.shift[:], m.doubted[:]
+    )
+    m.strange = chi > gate(1.0, count) * count or m.unexplained > MOST_UNEXPLAINED
     for part in MAY_BE_HELD:
         if precision[part] >= HELD:
             for a in range(STATE):

@@ -192,7 +192,9 @@ def weigh_pose(scale: float, m: Track, centre: Floats, pose: Floats, cov: Floats
     dx, dy = m.sure[0], m.sure[1]
     xx, xy, yy = own[0] + own[3] + dx * dx, own[1] + own[4] + dx * dy, own[2] + own[5] + dy * dy
     xx, xy, yy = unit * xx, unit * xy, unit * yy
-    combine(cov, (xx + cut, xy, yy + cut), (centre[0] - pose[0], centre[1] - pose[1]), m.seen, weight)
+    common = unit * (own[6] + dx * dx) + cut, unit * (own[7] + dx * dy), unit * (own[8] + dy * dy) + cut
+    apart, is_cut = (centre[0] - pose[0], centre[1] - pose[1]), dx * dx + dy * dy > 0.0
+    combine(cov, (xx + cut, xy, yy + cut), common, apart, m.seen, is_cut, weight)
 
 
 @lean_kernel
