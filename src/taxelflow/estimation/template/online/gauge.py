@@ -95,6 +95,11 @@ class Reported:
         return mean, 0.5 * float(np.average(np.sum((gaps - mean) ** 2, axis=1), weights=shares))
 
 
+def has_own_frame(m: Track) -> bool:
+    """Whether an object was known before this contact: its frame is that of before, and is not held."""
+    return bool(np.isinf(m.arm_load))
+
+
 def hold(m: Track, learned: LocalMap, reported: Reported, pitch_m: float) -> None:
     """Put the reported point of an object that turns where its keyframes were reported on average.
 
@@ -102,10 +107,10 @@ def hold(m: Track, learned: LocalMap, reported: Reported, pitch_m: float) -> Non
     """
     reported.thin(learned.keyframes.scanned.t_s)
     found = reported.off(m, learned.keyframes)
-    if found is None:
+    if found is None or has_own_frame(m):
         return
     off, m.wander = found
-    if not learned.turns or learned.grows or np.isinf(m.arm_load) or np.any(m.across > 0.0):
+    if not learned.turns or learned.grows or np.any(m.across > 0.0):
         m.wander += 0.5 * float(off @ off)
         return
     m.gauge[:] += off

@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.estimation.template.observations import across
 from taxelflow.estimation.template.online.ended import Ended, map_of
-from taxelflow.estimation.template.online.gauge import hold
+from taxelflow.estimation.template.online.gauge import has_own_frame, hold
 from taxelflow.estimation.template.online.hand import hand_of, places_of
 from taxelflow.estimation.template.online.hand_gains import HandGains
 from taxelflow.estimation.template.online.mapping_thread import Candidate, Learner, Workers
@@ -255,6 +255,8 @@ class LocalMaps:
             own.shift_waiting(m.state - at)
         stepped = float(np.sum((reported_place(m, m.state) - place) ** 2))  # by so much one of the patterns is wrong
         new.slack[0] = max(new.slack[0], 0.5 * stepped)
+        if old.mature and has_own_frame(m):  # what is known well does not step
+            m.broken += 0.5 * stepped
         most = np.inf if new.anchor is None else new.anchor.variance
         m.broken, m.wander = min(m.broken, most), min(m.wander, most)
         m.slack = new.slack[0] + new.unseen
