@@ -27,7 +27,7 @@ def reports(steps_m: Floats, *, block: int = 1000, scan_s: float = SCAN_S) -> li
         part = steps_m[start : start + block]
         t_s = scan_s * np.arange(start, start + len(part))
         again = suspicion.step(moving(t_s, part), np.ones((len(part), 1), dtype=np.bool_))
-        found += (start + np.flatnonzero(again[:, 0] == 0.0)).tolist()
+        found += [start + scan for (scan, _), since_s in again.items() if since_s == 0.0]
     return found
 
 

@@ -41,16 +41,22 @@ class Suspicion:
         """pitch_m: (pads, 2)."""
         self._reach_m = BLURRED * np.sqrt(pitch_m.prod(axis=1))
         self._states = records(Follow, len(pitch_m))
+        self._goes_on = True  # the first call compiles the kernel
 
-    def step(self, slips: Slips, suspected: Bools) -> Floats:
-        """(scans, pads), where a suspected slip is reported again, since when it is suspected, s; else NaN.
+    def step(self, slips: Slips, suspected: Bools) -> dict[tuple[int, int], float]:
+        """Scan and pad at which a suspected slip is reported again, with the time since when it is suspected, s.
 
         suspected: (scans, pads), slipping by the pose alone. A slip is reported again where its pose has moved by a
         quarter of a pitch further from where it was suspected first than at the last report, half a second ago.
         """
+        begins = bool(suspected.any())
+        if not (begins or self._goes_on):
+            return {}
         again = np.full(suspected.shape, np.nan)
         _follow(suspected, slips.t_s, slips.displacement, self._reach_m, self._states, again)
-        return again
+        self._goes_on = begins and bool(suspected[-1].any())
+        places = zip(*np.nonzero(np.isfinite(again)), strict=True)
+        return {(int(scan), int(pad)): float(again[scan, pad]) for scan, pad in places}
 
 
 @kernel

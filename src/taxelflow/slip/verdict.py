@@ -169,8 +169,7 @@ class Verdict:
         changes = decide_(flags, self._whole, (odds.log_odds, soon), last, last_by_odds, final, by_odds)
         self._slipping, self._by_odds = final[-1:], by_odds[-1:]
         again = self._suspicion.step(slips, posed.slipping & ~final)
-        repeated = ~np.isnan(again)
-        if not events and not changes and not repeated.any():
+        if not events and not changes and not again:
             return final, []
         before, by_odds = np.concatenate([last, final]), np.concatenate([last_by_odds, by_odds])
         own: dict[tuple[int, int], list[Event]] = {}
@@ -178,17 +177,17 @@ class Verdict:
             scan = int(np.searchsorted(slips.t_s, event.t_s))
             own.setdefault((scan, self._numbers[event.pad]), []).append(event)
         changed = (before[1:] != before[:-1]) & (by_odds[1:] | by_odds[:-1])
-        places = {(int(scan), int(pad)) for scan, pad in zip(*np.nonzero(changed | repeated), strict=True)}
+        places = {(int(scan), int(pad)) for scan, pad in zip(*np.nonzero(changed), strict=True)}
         found = []
-        for scan, pad in sorted(places | own.keys()):
+        for scan, pad in sorted(places | own.keys() | again.keys()):
             own_events = own.get((scan, pad), [])
             if by_odds[scan : scan + 2, pad].any():
                 ends = before[scan, pad], before[scan + 1, pad]
                 since_s = np.inf if odds.restless[scan, pad] else float(posed.since_s[scan, pad])
                 ends_now = bool(ends[0]), bool(ends[1])
                 own_events = self._decided(own_events, float(slips.t_s[scan]), pad, ends_now, since_s)
-            if repeated[scan, pad] and not own_events:
-                own_events = [self._again(pad, float(slips.t_s[scan]), float(again[scan, pad]))]
+            if (scan, pad) in again and not own_events:
+                own_events = [self._again(pad, float(slips.t_s[scan]), again[scan, pad])]
             quality, evidence = QUALITY[slips.quality[scan, pad]], float(odds.log_odds[scan, pad])
             evidence = nan if np.isnan(evidence) else evidence  # one and the same NaN, as of other fields
             found += [_witnessed(event, quality, evidence) for event in own_events]
