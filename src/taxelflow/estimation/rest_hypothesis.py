@@ -111,7 +111,7 @@ class RestHypothesis:
         pads = len(layout.pads)
         self._coming: deque[Bin] = deque()
         self._due: deque[tuple[int, Bin, Floats]] = deque()  # pads to compare, the bin, and the pose at its end
-        self._at_once = 0  # so many in a scan, that all are done within a bin
+        self._at_once = 0  # pads compared in one scan: all are done within a bin
         self._references: dict[int, _Reference] = {}
         self._stays: dict[int, tuple[Floats, float]] = {}  # where an object stays, and since when
         self._shifts: defaultdict[int, Shifts] = defaultdict(Shifts)

@@ -97,7 +97,7 @@ def _by_pad(events: Sequence[Event]) -> dict[str, list[Event]]:
 
 
 def _busiest(summary: Summary, most: int = 4) -> list[str]:
-    """Pads, and contacts that were split, with the longest contact first; so many at most."""
+    """Pads, and contacts that were split, with the longest contact first. most: number of them, at most."""
     groups = {group.name for group in summary.layout.groups}  # they lie on pads
     names = [name for name in summary.layout.layout.pads if name not in groups]
     loaded = [(summary.pads[name].contact_scans, name) for name in names if summary.pads[name].contact_scans]
@@ -186,7 +186,7 @@ def _axis_track(pad: str, result: _Result, results: Sequence[_Result]) -> Track 
 def _moments(result: _Result, recording: Recording | None, most: int = 3) -> list[Moment]:
     """Moments at which most pads slip; none if no two pads ever have a slip vector while one slips.
 
-    The scans in which most pads slip are cut into so many parts, of each of which one is drawn.
+    most: parts into which the scans in which most pads slip are cut; one scan of each part is drawn.
     """
     layout = result.ran.layout.layout
     t_s = result.tracks[0].numbers["t_s"]

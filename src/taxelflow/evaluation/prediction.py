@@ -255,7 +255,7 @@ def _row(name: str, pad: str, sums: _Sums) -> PredictionRow:
 
 
 def _turns(recording: Recording, fewest: int = 10, loaded: float = 0.25) -> list[Turn]:
-    """Of contacts with so many scans that have this share of the contact's largest load, at least."""
+    """Of contacts with at least `fewest` scans whose load is above a share `loaded` of the contact's largest."""
     template, axis = (api.estimate(recording, method).slips for method in ("template", "principal_axis"))
     layout, found = recording.layout, []
     for pad in range(layout.pad_count):

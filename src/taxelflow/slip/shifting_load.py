@@ -64,7 +64,7 @@ class _Pattern:
 
 class Consent(NamedTuple):
     """Of the pattern to slips by the pose, (scans, pads) each. since_s: since when it consents to one that goes on; inf
-    where it does not. rests: whether rest explains the change since that slip began clearly better.
+    where it does not. rests: whether rest explains the change clearly better, since that slip began or it last did.
     """
 
     since_s: Floats

@@ -54,31 +54,38 @@ def left(m: Track, keyframes: Keyframes, places: np.ndarray) -> np.ndarray:
     )
 
 
-@given(seeds)
-def test_keyframes_stay_where_they_were_on_average_by_their_time_and_precision(seed: int) -> None:
+def held(seed: int, times: int = 1) -> tuple[Track, np.ndarray, np.ndarray]:
+    """A frame that is held this often; how far its keyframes were reported from it (n, 2), and their weights (n,)."""
     learned, reported, places, variances = turning(seed)
     m = track()
     t_s = learned.keyframes.scanned.t_s
     m.last_t = t_s[-1] + 0.7
-    hold(m, learned, reported, PITCH_M)
-    spans = np.diff(np.append(t_s, m.last_t))
-    np.testing.assert_allclose(
-        (spans / (2.0 * BLURRED**2 + variances)) @ left(m, learned.keyframes, places), 0.0, atol=1e-9
-    )
+    for _ in range(times):
+        hold(m, learned, reported, PITCH_M)
+    weights = np.diff(np.append(t_s, m.last_t)) / (2.0 * BLURRED**2 + variances)
+    return m, left(m, learned.keyframes, places), weights
+
+
+@given(seeds)
+def test_keyframes_stay_where_they_were_on_average_by_their_time_and_precision(seed: int) -> None:
+    _, gaps, weights = held(seed)
+    np.testing.assert_allclose(weights @ gaps, 0.0, atol=1e-9)
 
 
 @given(seeds)
 def test_the_frame_is_as_uncertain_as_keyframes_were_reported_apart(seed: int) -> None:
     """However often the map is adjusted: a frame that is held does not add up its steps."""
-    learned, reported, places, variances = turning(seed)
+    m, gaps, weights = held(seed, times=3)
+    np.testing.assert_allclose(m.wander, 0.5 * np.average(np.sum(gaps**2, axis=1), weights=weights))
+
+
+def test_the_frame_of_an_object_that_was_known_before_is_not_held() -> None:
+    learned, reported, _, _ = turning(0)
     m = track()
-    t_s = learned.keyframes.scanned.t_s
-    m.last_t = t_s[-1] + 0.7
-    for _ in range(3):
-        hold(m, learned, reported, PITCH_M)
-    weights = np.diff(np.append(t_s, m.last_t)) / (2.0 * BLURRED**2 + variances)
-    squares = np.sum(left(m, learned.keyframes, places) ** 2, axis=1)
-    np.testing.assert_allclose(m.wander, 0.5 * np.average(squares, weights=weights))
+    m.arm_load = np.inf
+    hold(m, learned, reported, PITCH_M)
+    assert not m.gauge.any()
+    assert m.wander == 0.0
 
 
 @given(seeds)

@@ -1,7 +1,7 @@
 """Motions as ROS messages carry them: x, y, z and the rotations about them, with a covariance that a filter can use.
 
 What is unknown, of a motion over the skin all that leads out of it, is 0 with a variance of 1e6 and no covariances. ROS
-states no way to mark it: a filter takes a variance of 0 for certain, and robot_localization one of -1 for 1.
+states no way to mark it: a filter treats a variance of 0 as certain, and robot_localization one of -1 as 1.
 """
 
 from __future__ import annotations
