@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.sticking_poses import StickingPoses
 from taxelflow.messages import AMBIGUOUS, OK, Bools, Bytes, Floats, joined
 from taxelflow.numerics.bins import AHEAD_S
 from taxelflow.numerics.rest_or_slide import comparable, compare
@@ -109,6 +110,7 @@ class RestHypothesis:
         self._doubts = layout.unseen_error > 0.0
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         pads = len(layout.pads)
+        self._sticking = StickingPoses(self._pitch_m)
         self._coming: deque[Bin] = deque()
         self._due: deque[tuple[int, Bin, Floats]] = deque()  # pads to compare, the bin, and the pose at its end
         self._at_once = 0  # pads compared in one scan: all are done within a bin
@@ -156,18 +158,25 @@ class RestHypothesis:
             shifted[scan] = self._shifted
         self._rows.append(_Rows(slips.t_s, origin_m, shifted, moved, excursion))
 
-    def doubted(self, slips: Slips) -> Slips:
-        """The oldest scans of `step` whose poses were not given out yet, with the covariance that rest asks for."""
+    def doubted(self, slips: Slips, sticks: Bools | None) -> Slips:
+        """The oldest scans of `step` whose poses were not given out yet, with the covariance that rest asks for.
+
+        sticks: (scans, pads), see `StickingPoses`; None where no shear is measured.
+        """
         count = len(slips)
         if not self._doubts or not count:
             return slips
         rows = joined(self._rows)
         self._rows = [rows.after(count)] if len(rows.t_s) > count else []
         moved = _in_time(rows, self._ahead_s)[:count] if self._ahead_s else rows.moved
-        covariance, quality = slips.covariance.copy(), slips.quality.copy()
-        places = slips.pose[..., :2], rows.origin_m[:count], rows.shifted[:count]
+        covariance, quality, origin_m = slips.covariance.copy(), slips.quality.copy(), rows.origin_m[:count]
+        if sticks is not None:
+            origin_m = np.where(sticks[..., np.newaxis], self._sticking.touched(slips), origin_m)
+            moved = moved & ~sticks
+        places = slips.pose[..., :2], origin_m, rows.shifted[:count]
         _widen(*places, moved, self._pitch_m, covariance, quality)
-        return replace(slips, covariance=covariance, quality=quality)
+        slips = replace(slips, covariance=covariance, quality=quality)
+        return slips if sticks is None else self._sticking.held(slips, origin_m, sticks)
 
     def _end(self, known: Bools) -> None:
         """Forget the references of objects that are lost, or have left. known: (pads,), with a pose."""

@@ -18,6 +18,7 @@ from taxelflow.slip.pattern_change import BASELINE_BINS, PatternChanges, Pattern
 from taxelflow.slip.session import SlipSession
 from taxelflow.slip.shifting_load import ShiftingLoad, ahead
 from taxelflow.slip.slip_events import SlipEvents
+from taxelflow.slip.sticking import Sticking
 from taxelflow.slip.verdict import Posed, Verdict
 
 if TYPE_CHECKING:
@@ -36,13 +37,15 @@ class Judged:
     """The oldest scans that are judged. slipping: (scans, pads). evidence: (scans, pads), log odds of a slip by the
     change of the pattern; NaN where unknown. statistic: (scans, pads), that which decides, over its threshold: above 1
     it slips. It is that of the pose, on restless pads the odds; NaN where a scan was not tested. events: those that are
-    complete, in time order; of a recording later than their scans, as slips wait for their end.
+    complete, in time order; of a recording later than their scans, as slips wait for their end. sticks: (scans, pads),
+    see `Sticking`; None where no shear is measured.
     """
 
     slipping: Bools
     evidence: Floats
     statistic: Floats
     events: list[Event]
+    sticks: Bools | None = None
 
     def __len__(self) -> int:
         return len(self.slipping)
@@ -71,6 +74,7 @@ class SlipStage:
         self._odds = (LiveOdds if stream else OfflineOdds)(layout.pitch_m)
         self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)
         self._verdict = Verdict(layout, stream=stream, judged=judged)
+        self._sticking = Sticking(len(pads))
         self._shifts, self._ahead_s = ShiftingLoad(layout), 0.0 if stream else AHEAD_S
         if stream:
             self._shifts.prepare()
@@ -118,6 +122,7 @@ class SlipStage:
             if len(of_posed) > len(posed):  # a stream holds nothing back, and copies nothing
                 of_posed = cut(of_posed, first, first + len(posed))
             changes, bins = self._taken(len(posed)), self._watch.completed or []
+            self._sticking.see(changes.spread)
             consent = self._shifts.step(of_posed, detected.events, changes, bins)
             bins.clear()
             self._since_s.append(consent.since_s)
@@ -150,7 +155,9 @@ class SlipStage:
         statistic = statistics[:count]
         if odds.restless.any():
             statistic = np.where(odds.restless, np.exp(np.clip(odds.log_odds, -_MOST_LOG, _MOST_LOG)), statistic)
-        return Judged(slipping, odds.log_odds, statistic, [*complete, *self._completed.finish()] if last else complete)
+        sticks = self._sticking.step(slips.contact, slipping, odds.log_odds) if self._sheared else None
+        events = [*complete, *self._completed.finish()] if last else complete
+        return Judged(slipping, odds.log_odds, statistic, events, sticks)
 
     def _lost(self, count: int) -> Floats | None:
         """The oldest losses at borders, of this many scans."""

@@ -1,0 +1,56 @@
+"""Poses of objects that stick, by a second witness, combined with the place where they were touched.
+
+Where readings do not show a motion, the pose is open along a direction, whether the object moves or not. A sensor that
+measures shear shows that it has not slipped. It is then where it was touched, but for what skin and finger give way:
+a Gaussian prior, which a Kalman update combines with the pose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from taxelflow.messages import AMBIGUOUS, OK
+
+if TYPE_CHECKING:
+    from taxelflow.messages import Bools, Floats, Slips
+
+STICKS = 0.2
+"""Standard deviation of the place of an object that sticks, pitches per axis, of a marker on objects in a XELA hand."""
+
+
+class StickingPoses:
+    """Follows where the objects on all pads were touched."""
+
+    def __init__(self, pitch_m: Floats) -> None:
+        """pitch_m: (pads,)."""
+        self._variance = (STICKS * pitch_m) ** 2
+        self._touched_m = np.full((len(pitch_m), 2), np.nan)
+
+    def touched(self, slips: Slips) -> Floats:
+        """(scans, pads, 2), places where the objects of scans, which follow those of the last call, were touched, m."""
+        touched_m = np.empty((*slips.contact.shape, 2))
+        for scan, contact in enumerate(slips.contact):
+            known = contact[:, np.newaxis] & np.isfinite(self._touched_m)
+            self._touched_m = np.where(known, self._touched_m, slips.pose[scan, :, :2])
+            touched_m[scan] = self._touched_m
+        return touched_m
+
+    def held(self, slips: Slips, touched_m: Floats, sticks: Bools) -> Slips:
+        """The same, where objects stick (scans, pads) with poses near where they were touched, which do not slide."""
+        scans, pads = np.nonzero(sticks & np.isfinite(slips.pose[..., 0]))
+        if not len(scans):
+            return slips
+        pose, covariance = slips.pose.copy(), slips.covariance.copy()
+        displacement, quality = slips.displacement.copy(), slips.quality.copy()
+        shared = np.nan_to_num(covariance[scans, pads, :, :2])  # an angle that is unknown has no covariance
+        prior = self._variance[pads, np.newaxis, np.newaxis] * np.eye(2)
+        gain = shared @ np.linalg.inv(shared[:, :2] + prior)
+        away_m = touched_m[scans, pads] - pose[scans, pads, :2]
+        pose[scans, pads] += (gain @ away_m[..., np.newaxis])[..., 0]
+        covariance[scans, pads] -= gain @ shared.transpose(0, 2, 1)
+        displacement[scans, pads, :2] = 0.0
+        quality[scans, pads] = np.where(quality[scans, pads] == AMBIGUOUS, OK, quality[scans, pads])
+        return replace(slips, pose=pose, covariance=covariance, displacement=displacement, quality=quality)
