@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from taxelflow.messages import Bools, Event, Floats, cut, joined
+from taxelflow.messages import OK, Bools, Event, Floats, cut, joined
 from taxelflow.numerics.bins import AHEAD_S
+from taxelflow.slip.begun import Begun
 from taxelflow.slip.cut_contact import BorderLoss
 from taxelflow.slip.measurement import parameter_records
 from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
@@ -74,7 +75,7 @@ class SlipStage:
         self._odds = (LiveOdds if stream else OfflineOdds)(layout.pitch_m)
         self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)
         self._verdict = Verdict(layout, stream=stream, judged=judged)
-        self._sticking = Sticking(len(pads))
+        self._sticking, self._begun = Sticking(len(pads)), Begun(len(pads))
         self._shifts, self._ahead_s = ShiftingLoad(layout), 0.0 if stream else AHEAD_S
         if stream:
             self._shifts.prepare()
@@ -138,6 +139,9 @@ class SlipStage:
         flags = self._posed[0] if len(self._posed) == 1 else np.concatenate(self._posed)
         statistics = self._statistics[0] if len(self._statistics) == 1 else np.concatenate(self._statistics)
         since_s = self._since_s[0] if len(self._since_s) == 1 else np.concatenate(self._since_s)
+        decisive = odds
+        if self._ahead_s:
+            decisive = self._begun.step(odds, flags & (slips.quality[: len(flags)] == OK), slips.t_s)
         soon_s = ahead(since_s, flags, slips.t_s, self._ahead_s, count) if self._ahead_s else since_s
         if self._sheared:
             soon_s = np.where(odds.soon > 0.0, np.fmin(soon_s, slips.t_s[:count, np.newaxis]), soon_s)
@@ -150,11 +154,11 @@ class SlipStage:
         due = [event for event in self._events if event.t_s <= slips.t_s[-1]]
         self._events = self._events[len(due) :]
         posed_slips = Posed(flags[:count], due, self._agreement.step(slips), soon_s)
-        slipping, found = self._verdict.step(slips, posed_slips, odds)
+        slipping, found = self._verdict.step(slips, posed_slips, decisive)
         complete = self._completed.step(slips, slipping, found, self._lost(count))
         statistic = statistics[:count]
         if odds.restless.any():
-            statistic = np.where(odds.restless, np.exp(np.clip(odds.log_odds, -_MOST_LOG, _MOST_LOG)), statistic)
+            statistic = np.where(odds.restless, np.exp(np.clip(decisive.log_odds, -_MOST_LOG, _MOST_LOG)), statistic)
         sticks = self._sticking.step(slips.contact, slipping, odds.log_odds) if self._sheared else None
         events = [*complete, *self._completed.finish()] if last else complete
         return Judged(slipping, odds.log_odds, statistic, events, sticks)
