@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.banded import WIDTH, Factor, add_square, multiply, smoothness, solve_band
+from taxelflow.numerics.banded import WIDTH, Factor, add_square, lower_factor, multiply, smoothness, solve_band
 
 NY, NX = 6, 5
 
@@ -45,10 +45,33 @@ def test_the_stencil_is_the_dense_matrix(seed: int) -> None:
 def test_both_solvers_agree(seed: int) -> None:
     stencil, right, _ = equations(seed)
     right[: NX + 1] = 0.0
-    factor = Factor(stencil, NX)
     rows = np.stack([right, np.zeros(NY * NX)])
-    solve_band(np.ascontiguousarray(factor.lower.T), rows)
-    np.testing.assert_allclose(rows, [factor.solve(right), np.zeros(NY * NX)], atol=1e-12)
+    solve_band(np.ascontiguousarray(lower_factor(stencil, (NY, NX)).T), rows)
+    np.testing.assert_allclose(rows, [Factor(stencil, NX).solve(right), np.zeros(NY * NX)], atol=1e-12)
+
+
+def turned(stencil: Floats, nx: int) -> Floats:
+    """Stencil of the same matrix on the lattice whose x and y are exchanged."""
+    ny = len(stencil) // nx
+    other = np.zeros_like(stencil)
+    for knot, dy, k in np.argwhere(stencil):
+        y, x, dx = knot // nx, knot % nx, k - WIDTH + 1
+        first, ahead = (x * ny + y, (dx, dy)) if dx >= 0 else ((x + dx) * ny + y + dy, (-dx, -dy))
+        other[first, ahead[0], ahead[1] + WIDTH - 1] += stencil[knot, dy, k]
+    return other
+
+
+@settings(max_examples=10)
+@given(seed=st.integers(0, 1000))
+def test_a_lattice_wider_than_high_is_solved_like_one_that_is_turned(seed: int) -> None:
+    stencil, right, dense = equations(seed)
+    number = np.arange(NY * NX).reshape(NY, NX).T.ravel()  # of each knot of the wide lattice on the high one
+    wide = Factor(turned(stencil, NX), NY)
+    both = np.stack([right[number], np.ones(NY * NX)], axis=1)
+    np.testing.assert_allclose(wide.solve(both[:, 0]), np.linalg.solve(dense, right)[number], atol=1e-9)
+    np.testing.assert_allclose(wide.solve(both)[:, 0], wide.solve(both[:, 0]), atol=1e-12)
+    covariance = wide.drawn(np.eye(NY * NX)) @ wide.drawn(np.eye(NY * NX)).T
+    np.testing.assert_allclose(covariance, np.linalg.inv(dense)[np.ix_(number, number)], atol=1e-9)
 
 
 def test_a_plane_is_perfectly_smooth_and_a_bend_is_not() -> None:

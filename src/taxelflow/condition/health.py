@@ -166,7 +166,8 @@ class _PadSample:
         self._never_constant = changes > _EVIDENCE.max_constant_share and constant_share < _EVIDENCE.max_constant_share
         rest = self._rest[live]
         self._usual_rest = float(np.median(rest))
-        spread = max(robust_std(rest, self._usual_rest), float(np.median(noise[live])))
+        self._usual_noise = float(np.median(noise[live]))
+        spread = max(robust_std(rest, self._usual_rest), self._usual_noise)
         distance = np.abs(self._rest - self._usual_rest)
         self._outlier = (
             live & (distance > _EVIDENCE.outlier_sigmas * np.maximum(spread, noise)) & (distance > min_offset)
@@ -226,12 +227,11 @@ class _PadSample:
         """Whether the load of the other taxels moves from scan to scan: a hole of an object would go along."""
         others = np.where(np.isfinite(self._readings[scans]), self._readings[scans] - self._rest, -np.inf)
         others[:, taxel] = -np.inf
-        usual = float(np.median(self._noise[self._live]))
         first, second = np.sort(np.partition(others, -2, axis=1)[:, -2:], axis=1).T[::-1]
-        clear = first - second > _EVIDENCE.load_sigmas * usual
+        clear = first - second > _EVIDENCE.load_sigmas * self._usual_noise
         if len(np.unique(np.argmax(others[clear], axis=1))) >= _EVIDENCE.min_peak_places:
             return True
-        load = np.where(others > _EVIDENCE.load_sigmas * usual, others, 0.0)
+        load = np.where(others > _EVIDENCE.load_sigmas * self._usual_noise, others, 0.0)
         centre = load @ self._places / load.sum(axis=1, keepdims=True)
         return bool(np.ptp(centre, axis=0).max() >= _EVIDENCE.min_travel)
 
@@ -251,7 +251,7 @@ class _PadSample:
             return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
         load = self._readings[:, near] - self._rest[near]
         least, most = load.min(axis=1), load.max(axis=1)
-        scans = np.flatnonzero(least > _EVIDENCE.load_sigmas * np.median(self._noise[self._live]))
+        scans = np.flatnonzero(least > _EVIDENCE.load_sigmas * self._usual_noise)
         return scans, least[scans], most[scans]
 
     def _others_at_rest(self, taxel: int) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dpbtrf, dpbtrs
+from scipy.linalg.lapack import dpbtrf, dpbtrs, dtbtrs
 
 from taxelflow.runtime.compiling import inlined, long_kernel, routine
 
@@ -84,14 +84,27 @@ def _multiply_knot(coupled: Floats, j: int, nx: int, vector: Floats, out: Floats
 
 
 @long_kernel
-def to_band(stencil: Floats, nx: int, band: Floats) -> None:
-    """Fill the lower band by columns, (knots, offsets): transposed, it is what LAPACK takes."""
+def to_band(stencil: Floats, shape: tuple[int, int], columnwise: bool, band: Floats) -> None:
+    """Fill the lower band by columns, (knots, offsets): transposed, it is what LAPACK takes.
+
+    shape: (ny, nx) of the lattice. columnwise: whether knots are numbered column by column, not row by row.
+    """
+    ny, nx = shape
+    by_y, by_x = (1, ny) if columnwise else (nx, 1)
     band[:] = 0.0
+    for y in range(ny):
+        for x in range(nx):
+            _knot_to_band(stencil[y * nx + x], y * by_y + x * by_x, by_y, by_x, band)
+
+
+@routine
+def _knot_to_band(coupled: Floats, knot: int, by_y: int, by_x: int, band: Floats) -> None:
+    """Add to the band what a knot is coupled with. by_y, by_x: from a knot's number to the next."""
     for dy in range(WIDTH):
-        for k in range(stencil.shape[2]):
-            offset = dy * nx + k - WIDTH + 1
-            for j in range(len(stencil) if offset >= 0 else 0):
-                band[j, offset] += stencil[j, dy, k]
+        for k in range(2 * WIDTH - 1):
+            if coupled[dy, k] != 0.0:
+                offset = dy * by_y + (k - WIDTH + 1) * by_x
+                band[knot + min(offset, 0), abs(offset)] += coupled[dy, k]
 
 
 @lru_cache(maxsize=16)
@@ -124,28 +137,54 @@ def add_diagonal(stencil: Floats, value: float) -> None:
     stencil[:, 0, WIDTH - 1] += value
 
 
+def lower_factor(stencil: Floats, shape: tuple[int, int], *, columnwise: bool = False) -> Floats:
+    """(band, knots), the lower Cholesky factor of a positive matrix, as LAPACK keeps it. Arguments as for `to_band`."""
+    band = np.empty((len(stencil), (WIDTH - 1) * (shape[0 if columnwise else 1] + 1) + 1))
+    to_band(stencil, shape, columnwise, band)
+    lower, not_positive = dpbtrf(band.T, lower=1, overwrite_ab=1)  # without what `scipy.linalg` checks each time
+    if not_positive:
+        raise np.linalg.LinAlgError(f"the normal equations of {len(band)} knots are not positive definite")
+    return np.asarray(lower)
+
+
 class Factor:
-    """Cholesky factor of a positive matrix that is given as a stencil. lower: (band, knots), as LAPACK keeps it."""
+    """Cholesky factor of a positive matrix that is given as a stencil.
+
+    Its time grows with the square of the band, so knots are numbered along the shorter side of the lattice.
+    """
 
     def __init__(self, stencil: Floats, nx: int) -> None:
-        band = np.empty((len(stencil), (WIDTH - 1) * (nx + 1) + 1))
-        to_band(stencil, nx, band)
-        lower, not_positive = dpbtrf(band.T, lower=1, overwrite_ab=1)  # without what `scipy.linalg` checks each time
-        if not_positive:
-            raise np.linalg.LinAlgError(f"the normal equations of {len(band)} knots are not positive definite")
-        self.lower: Floats = lower
+        ny = len(stencil) // nx
+        self._shape, self._columnwise = (ny, nx), ny < nx
+        self._lower = lower_factor(stencil, self._shape, columnwise=self._columnwise)
 
     def solve(self, right: Floats) -> Floats:
         """The solution for one right-hand side (knots,) or several (knots, n)."""
-        solution: Floats = dpbtrs(self.lower, right, lower=1)[0]
-        return solution
+        return self._by_rows(dpbtrs(self._lower, self._as_factored(right), lower=1)[0])
+
+    def drawn(self, white: Floats) -> Floats:
+        """(knots, n), draws of what the matrix is the information on, from white noise (knots, n)."""
+        return self._by_rows(dtbtrs(self._lower, white, uplo="L", trans="T")[0])
+
+    def _as_factored(self, vectors: Floats) -> Floats:
+        """Vectors (knots, ...) that are numbered row by row, numbered as in the factor."""
+        return _renumbered(vectors, self._shape) if self._columnwise else vectors
+
+    def _by_rows(self, vectors: Floats) -> Floats:
+        """The reverse of `_as_factored`."""
+        return _renumbered(vectors, self._shape[::-1]) if self._columnwise else vectors
+
+
+def _renumbered(vectors: Floats, shape: tuple[int, int]) -> Floats:
+    """Vectors (knots, ...) numbered row by row on a lattice of this shape, numbered column by column."""
+    return np.swapaxes(vectors.reshape(*shape, *vectors.shape[1:]), 0, 1).reshape(vectors.shape)
 
 
 @routine
 def solve_band(factor: Floats, right: Floats) -> None:
     """Solve in place for right-hand sides (n, knots), which may be mostly 0.
 
-    factor: (knots, band), the lower Cholesky factor by columns: `Factor.lower` transposed, contiguous.
+    factor: (knots, band), the lower Cholesky factor by columns: `lower_factor` transposed, contiguous.
     """
     knots, band = factor.shape
     for row in range(len(right)):

@@ -15,7 +15,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.template.map import MOST_KNOTS
 from taxelflow.estimation.template.observations import across, reach
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.banded import WIDTH, Factor, add_diagonal, add_square, smoothness, solve_band
+from taxelflow.numerics.banded import WIDTH, add_diagonal, add_square, lower_factor, smoothness, solve_band
 from taxelflow.numerics.bspline import KNOTS, evaluate, gather, spread, state_of
 from taxelflow.runtime.compiling import routine
 
@@ -95,7 +95,7 @@ def _factor(shape: tuple[int, int], first: NDArray[np.int64], weight: Floats, tr
         add_square(first[taxel], weight[taxel], trust[taxel], 0.0, shape[1], stencil, nothing)
     stencil += _SMOOTHING * smoothness(shape)
     add_diagonal(stencil, _PRIOR)
-    return Factor(stencil, shape[1]).lower
+    return lower_factor(stencil, shape)
 
 
 def _nearest_live(lattice: Floats, shape: tuple[int, int], places: Floats, live: Bools) -> NDArray[np.int64]:

@@ -184,7 +184,7 @@ def _left_along(
 
     Gains of the taxels are free within bounds, as a plate slides over them; so is the size: of a map that tapers,
     motion stands for a contact that widens with its load. most: an error of which only the side matters; the fit ends
-    once it is below, or so far above that no gains can bring it there.
+    once it is below, or so far above that neither gains nor the rounds left can bring it there.
     """
     cos, sin = direction
     turned = np.array([[cos, sin], [-sin, cos]])
@@ -204,7 +204,8 @@ def _left_along(
         error = learned_error(fit, now)
         if error <= most or (k == 0 and error - off * _rms(along) > most > 0.0):
             break
-        if k + 1 >= _FITS and error > _CONVERGED * before:
+        at_last = error - (before - error) * (len(_ROUNDS) - 1 - k)  # at the present pace, which slows down
+        if k + 1 >= _FITS and (error > _CONVERGED * before or at_last > most > 0.0):
             break
         if k > 0:
             gains = np.clip(gains * _gains(now, fit), 1.0 - off, 1.0 + off)

@@ -89,10 +89,10 @@ def _held_by_faults(scanned: Scanned, solved: list[Solved], others: list[Solved]
     """
     straight = [one for one in others if one.kind == (False, False) and one.error <= _MAY_BE_STRAIGHT]
     best = likeliest(solved, scanned)
-    if not (scanned.unseen_error and straight and all(one.turns for one in solved)):
+    if not (scanned.unseen_error and straight and all(one.turns for one in solved)) or keeps_its_angle(best, scanned):
         return []
     held = refined(scanned, straight[0])
-    return [] if keeps_its_angle(best, scanned) or outweighs_faults(best, held, scanned) else [held]
+    return [] if outweighs_faults(best, held, scanned) else [held]
 
 
 def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, overload
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
 from scipy.ndimage import convolve
 
 from taxelflow.estimation.template.extrapolation import coverage, near
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
 
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
-    from taxelflow.numerics.banded import Factor
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,9 +134,8 @@ def _values(pattern: Pattern, places: Floats) -> Floats:
 def _variance_at_knots(pattern: Pattern, scanned: Scanned, states: Floats, error: float) -> Floats:
     """(ny, nx) variance of the pattern at its knots, from draws of what the readings leave open."""
     own = replace(pattern)
-    factor: Factor = fill(own, scanned.with_error(error), states)
+    factor = fill(own, scanned.with_error(error), states)
     white = np.random.default_rng(0).standard_normal((own.coefficients.size, _LIMITS.draws))
-    drawn, _ = dtbtrs(factor.lower, white, uplo="L", trans="T")
-    values = convolve(drawn.T.reshape(_LIMITS.draws, *own.shape), _AT_KNOT, mode="nearest")
+    values = convolve(factor.drawn(white).T.reshape(_LIMITS.draws, *own.shape), _AT_KNOT, mode="nearest")
     variance: Floats = np.mean(values**2, axis=0)
     return variance

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
 
 from taxelflow.numerics.bspline import state_of
 
@@ -55,8 +54,8 @@ def observability(
     pretended = np.zeros(3)
     for _ in range(_DRAWS):
         white = random.standard_normal((pattern.coefficients.size, 1))
-        drawn, _ = dtbtrs(factor.lower, white, uplo="L", trans="T")
-        values = gain * replace(pattern, coefficients=drawn.reshape(pattern.shape)).read(*here)[known, 1:4]
+        drawn = factor.drawn(white).reshape(pattern.shape)
+        values = gain * replace(pattern, coefficients=drawn).read(*here)[known, 1:4]
         pretended += [information(values[:, of], of) / _DRAWS for of in range(3)]
     real = np.array([information(slopes[:, of], of) for of in range(3)])
     unobservable = scanned.across
