@@ -11,7 +11,7 @@ from costly import mostly_long
 from synthetic import METHODS, assert_same, dome, grid_sensor, recorded
 from taxelflow.acquire.base import Recording
 from taxelflow.condition.parameters import Conditioner
-from taxelflow.errors import NameUnknown, TimesNotIncreasing
+from taxelflow.errors import CalibrationUnfit, NameUnknown, RunEnded, TimesNotIncreasing
 from taxelflow.messages import (
     AMBIGUOUS,
     LOST,
@@ -199,6 +199,41 @@ def test_what_came_before_a_time_that_runs_backwards_is_estimated(mode: str) -> 
     assert rows == 45
 
 
+@both_modes
+def test_an_interrupt_gives_what_came_before_it(mode: str) -> None:
+    raw = recorded(dome(PALM) + np.random.default_rng(0).normal(0, 100, (60, 28)), PALM).load()
+    times = itertools.count()
+
+    def interrupted() -> Iterator[RawScans]:
+        yield cut(raw, 0, 45)
+        if mode == "stream" or next(times):  # a batch reads twice
+            raise KeyboardInterrupt
+        yield cut(raw, 45, 60)
+
+    rows = 0
+    with pytest.raises(KeyboardInterrupt):
+        for output in pipeline(mode=mode).start(Recording("device", "device", PALM, interrupted)):
+            rows += len(output)
+    assert rows == 45
+
+
+def test_a_run_that_has_ended_takes_no_scan(stroke: Recording) -> None:
+    run = pipeline(mode="stream").start(stroke)
+    run.step(stroke.load())
+    run.finish()
+    for more in (run.finish, lambda: run.step(stroke.load())):
+        with pytest.raises(RunEnded):
+            more()
+
+
+def test_a_calibration_is_of_the_method_that_it_was_made_with(stroke: Recording) -> None:
+    none = (0.0, 0.0, 0.0)
+    pad = PadCalibration("pad0", 2.0, 1.0, 10.0, 10.0, none, none, 0.0, 0.0, 60, 60, 0.1)
+    calibration = Calibration("lnorm", "grid", fingerprint(stroke.sensor), "0", (pad,))
+    with pytest.raises(CalibrationUnfit, match="Convolution"):
+        replace(pipeline("convolution"), calibration=calibration).start(stroke)
+
+
 def test_an_unknown_mode_comes_with_the_list() -> None:
     with pytest.raises(NameUnknown, match="unknown mode 'live'; known are batch, stream"):
         pipeline(mode="live")
@@ -334,10 +369,10 @@ def test_filters_of_the_conditioner_add_to_every_lag(stroke: Recording) -> None:
 
 
 class Late:
-    """A plug-in estimator whose estimates come scan by scan, each ten scans late."""
+    """A plug-in estimator whose estimates come scan by scan, each some scans late."""
 
-    def __init__(self, quality: int) -> None:
-        self.quality = quality
+    def __init__(self, quality: int, late: int) -> None:
+        self.quality, self.late = quality, late
         self.held = [Estimates.unknown(no_scans(WIDE.layout.entries, 1))]
 
     def step(self, scans: Scans) -> Estimates:
@@ -345,7 +380,7 @@ class Late:
         estimates.pose[scans.contact] = 0.0
         estimates.quality[scans.contact] = self.quality
         self.held = [joined([*self.held, estimates])]
-        return self.given(max(len(self.held[0]) - 10, 0))
+        return self.given(max(len(self.held[0]) - self.late, 0))
 
     def finish(self) -> Estimates:
         return self.given(len(self.held[0]))
@@ -359,13 +394,20 @@ class Late:
 @dataclass(frozen=True)
 class Lately:
     quality: int = OK
+    late: int = 10
 
     def start(self, layout: Layout, mode: str) -> Late:
-        return Late(self.quality)
+        return Late(self.quality, self.late)
 
 
-@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
-@pytest.mark.parametrize("method", ["convolution", Lately(), Lately(LOST)], ids=["at once", "late", "lost"])
+@pytest.mark.parametrize(
+    ("method", "mode"),
+    mostly_long(
+        itertools.product(["convolution", Lately(), Lately(LOST), Lately(late=1)], ["batch", "stream"]),
+        *itertools.product(["convolution", Lately(), Lately(LOST)], ["batch"]),
+        (Lately(late=1), "stream"),
+    ),
+)
 def test_contacts_that_move_apart_leave_no_scan_ok(mode: str, method: Any) -> None:
     random = np.random.default_rng(2)
     apart_m = np.concatenate([np.full(30, 0.04), np.linspace(0.04, 0.1, 40), np.full(30, 0.1)])
