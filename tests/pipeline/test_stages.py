@@ -4,12 +4,14 @@ import itertools
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 import pytest
 
 from costly import mostly_long
+from linked import linked_hand
 from synthetic import METHODS, assert_same, dome, grid_sensor, recorded
-from taxelflow.acquire.base import Recording
+from taxelflow.acquire.base import Recording, Truth
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.errors import CalibrationUnfit, NameUnknown, RunEnded, TimesNotIncreasing
 from taxelflow.messages import (
@@ -27,6 +29,7 @@ from taxelflow.messages import (
     joined,
     no_scans,
 )
+from taxelflow.pipeline import stages
 from taxelflow.pipeline.api import estimate
 from taxelflow.pipeline.stages import Output, Pipeline
 from taxelflow.runtime import registry
@@ -35,11 +38,14 @@ from taxelflow.slip.stage import SlipStage
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from taxelflow.sensors.layout import Layout
 
 PALM = grid_sensor(4, 7, full_scale=140e3)
 WIDE = grid_sensor(9, 21, full_scale=140e3)
+WARM_UP = Pipeline.warm_up
+"""That of the package: the other tests do without it."""
 both_methods = pytest.mark.parametrize("method", METHODS)
 both_modes = pytest.mark.parametrize("mode", ["batch", "stream"])
 
@@ -332,6 +338,50 @@ class Still:
 
     def finish(self) -> Estimates:
         return Estimates.unknown(no_scans(PALM.layout.entries, len(PALM.layout.pads)))
+
+
+def warmed_by(monkeypatch: pytest.MonkeyPatch, *pipelines: Pipeline) -> list[Pipeline]:
+    """What runs on made-up recordings as pipelines warm up, one after the other, in a process of their own."""
+    ran: list[Pipeline] = []
+    monkeypatch.setattr(stages, "_warm", set())
+    monkeypatch.setattr(stages, "Run", lambda made, _recording: ran.append(made) or [])
+    for one in pipelines:
+        WARM_UP(one)
+    return ran
+
+
+def test_a_process_is_warmed_up_once_for_what_its_streams_need(monkeypatch: pytest.MonkeyPatch) -> None:
+    lnorm, convolution = pipeline("lnorm", "stream"), pipeline(mode="stream")
+    ran = warmed_by(monkeypatch, lnorm, convolution, lnorm, convolution)
+    assert [made.estimator for made in ran] == [lnorm.estimator, convolution.estimator]
+
+
+def test_a_warm_up_leaves_out_what_fits_one_sensor_only(monkeypatch: pytest.MonkeyPatch, stroke: Recording) -> None:
+    calibration = Calibration("lnorm", "grid", fingerprint(stroke.sensor), "0", ())
+    calibrated = replace(pipeline("lnorm", "stream"), calibration=calibration)
+    ran = warmed_by(monkeypatch, Pipeline(Still(), "stream"), calibrated)  # type: ignore[arg-type]
+    assert [made.estimator for made in ran] == [pipeline().estimator, calibrated.estimator]
+    assert [made.calibration for made in ran] == [None, None]
+
+
+def test_joint_angles_of_the_sensor_file_place_the_pads_in_space(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    sensor = linked_hand(tmp_path)
+    values = np.zeros((3, sensor.layout.taxels))
+    without = pipeline().start(recorded(values, sensor))
+    assert without.step(recorded(values, sensor).load()).spatial is None
+    assert "there are no joint angles" in without.notes[0]
+    assert isinstance(sensor.hand, msgspec.Struct)
+    declared = msgspec.structs.replace(sensor, hand=msgspec.structs.replace(sensor.hand, joints="slide=0.1"))
+    run = pipeline().start(recorded(values, declared))
+    assert joined([run.step(recorded(values, declared).load()), run.finish()]).spatial is not None
+    assert run.notes == []
+
+
+def test_the_flat_rig_needs_no_joint_angles(tmp_path: Path) -> None:
+    recording = recorded(np.zeros((3, 128)), linked_hand(tmp_path))
+    truth = Truth("left", np.arange(3) / 10, np.zeros((3, 3)))
+    assert pipeline().start(replace(recording, truth=truth)).notes == []
 
 
 @both_modes
