@@ -404,6 +404,24 @@ def test_a_plug_in_reports_the_contacts_borders_and_loads_of_the_scans(mode: str
     assert (plug_in.slips.quality[~touched, 0] == NO_POSE).all()
 
 
+@dataclass(frozen=True)
+class RowByRow(Still):
+    """A plug-in whose kernels are compiled for scans that lie row by row."""
+
+    def step(self, scans: Scans) -> Estimates:
+        assert scans.pressure.flags.c_contiguous
+        return super().step(scans)
+
+
+@both_modes
+def test_an_estimator_gets_scans_row_by_row_however_they_are_pushed(mode: str) -> None:
+    values = np.random.default_rng(0).normal(0, 100, (40, 28))
+    values[20:] += dome(PALM)
+    run = Pipeline(RowByRow(), mode).start(recorded(values, PALM))  # type: ignore[arg-type]
+    by_column = RawScans(np.arange(40) / 10, np.asfortranarray(values))
+    assert len(joined([run.step(by_column), run.finish()])) == 40
+
+
 @pytest.mark.parametrize("quality", [OK, AMBIGUOUS, UNRESOLVED, LOST])
 def test_what_a_method_judges_itself_is_kept(quality: int, stroke: Recording) -> None:
     slips = estimate(stroke, Still(quality)).slips  # type: ignore[arg-type]
