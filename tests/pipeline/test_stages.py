@@ -414,12 +414,16 @@ class RowByRow(Still):
 
 
 @both_modes
-def test_an_estimator_gets_scans_row_by_row_however_they_are_pushed(mode: str) -> None:
-    values = np.random.default_rng(0).normal(0, 100, (40, 28))
-    values[20:] += dome(PALM)
+@pytest.mark.parametrize("lay", [np.asfortranarray, np.float32, lambda values: np.repeat(values, 2, axis=1)[:, ::2]])
+def test_an_estimator_gets_scans_row_by_row_however_they_are_pushed(mode: str, lay: Any) -> None:
+    values = np.random.default_rng(0).normal(0, 100, (40, 28)).round()
+    values[20:] += dome(PALM).round()
     run = Pipeline(RowByRow(), mode).start(recorded(values, PALM))  # type: ignore[arg-type]
-    by_column = RawScans(np.arange(40) / 10, np.asfortranarray(values))
-    assert len(joined([run.step(by_column), run.finish()])) == 40
+    pushed = RawScans(np.repeat(np.arange(40) / 10, 2)[::2], lay(values))
+    outputs = [run.step(cut(pushed, 0, 20)), run.step(cut(pushed, 20, 40)), run.finish()]
+    np.testing.assert_array_equal(
+        joined(outputs).slips.load, estimate(recorded(values, PALM), Still(), mode=mode).slips.load
+    )  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("quality", [OK, AMBIGUOUS, UNRESOLVED, LOST])
