@@ -10,7 +10,7 @@ DOCS_READY := .venv/ready-docs
 CONTROL := plot,sim,video
 EVERYTHING := plot,bench,report,video,view,devices,ros,lsl,cluster,sim,dev
 
-.PHONY: setup demo demo-live demo-control bench-live bench-view test test-long check docs wheel golden golden-update fuzz bench bench-start pictures results $(addprefix results-,table1 hard peers limits contacts prediction bench control control-search) constraints format clean
+.PHONY: setup demo demo-live demo-control bench-live bench-view test test-long check docs wheel golden golden-update fuzz bench bench-start pictures results $(addprefix results-,table1 hard peers slip limits contacts prediction bench control control-search) constraints format clean
 .DELETE_ON_ERROR:
 
 setup: $(READY)
@@ -141,7 +141,7 @@ LIMITS := stroke:stream:5 slide-and-turn:stream:5 bar-on-grid:batch:5 bar-on-gri
   feet-on-grid:stream:5 texture-on-grid:batch:5 stick-slip:stream:5 stick-slip-bar:stream:5 stick-slip-feet:stream:5
 JOINED := awk 'FNR == 1 && NR > 1 { next } { print }'
 
-results: results-table1 results-hard results-peers results-limits results-contacts results-prediction results-bench results-control
+results: results-table1 results-hard results-peers results-slip results-limits results-contacts results-prediction results-bench results-control
 
 results-table1: $(READY)
 	@mkdir -p $(RUNS)
@@ -158,6 +158,15 @@ results-peers: $(READY)
 	@mkdir -p $(RUNS)
 	$(TAXELFLOW) score peers --strokes 200 --csv $(RUNS)/peers.csv
 	cp $(RUNS)/peers.csv docs/results/limits-peers.csv
+
+# Fresh seeds for the template, with an hour of each object at rest, which takes longest.
+results-slip: $(READY)
+	@rm -rf $(RUNS)/slip && mkdir -p $(RUNS)/slip
+	$(TAXELFLOW) score slip --seeds 2 --seed 5000 --hours 1 --methods template --csv $(RUNS)/slip/0.csv
+	$(TAXELFLOW) score slip --seeds 2 --hours 0 --methods principal_axis convolution --csv $(RUNS)/slip/1.csv
+	cp $(RUNS)/slip/0-holds.csv docs/results/slip-still.csv
+	rm $(RUNS)/slip/*-holds.csv
+	$(JOINED) $(RUNS)/slip/*.csv > docs/results/slip.csv
 
 results-limits: $(READY)
 	@rm -rf $(RUNS)/limits && mkdir -p $(RUNS)/limits

@@ -68,6 +68,11 @@ class RawScans:
     def __len__(self) -> int:
         return len(self.t_s)
 
+    def in_order(self) -> RawScans:
+        """Row by row in memory, in 64 bits, whatever a source gave."""
+        shear = None if self.shear is None else _in_order(self.shear)
+        return RawScans(_in_order(self.t_s), _in_order(self.values), shear)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joints:

@@ -122,6 +122,20 @@ def test_joint_angles_and_temperatures_are_passed_over(tmp_path: Path) -> None:
     assert len(open_dsa(path, None).load()) == 2
 
 
+def test_what_is_inside_a_scan_does_not_end_it(tmp_path: Path) -> None:
+    inside = "<angle><time_stamp>1</time_stamp></angle><frame_count>7</frame_count>"
+    text = dsa_xml(SMALL, [(0, dsa_words([1] * 12)), (32, dsa_words([2] * 12))], promised=2)
+    raw = open_dsa(packed(tmp_path / "a.dsa", text.replace("<frame_data>", inside + "<frame_data>")), None).load()
+    np.testing.assert_array_equal(raw.values, [[1] * 12, [2] * 12])
+
+
+def test_every_digit_of_a_mask_but_0_stands_for_a_cell(tmp_path: Path) -> None:
+    matrices = [DsaMatrix(2, 3, static="021111", dynamic="022011")]
+    recording = open_dsa(write_dsa(tmp_path / "a.dsa", random_scans(2, 6), matrices), None)
+    assert recording.sensor.pads[0].missing == ((0, 0),)
+    assert recording.masked.tolist() == [False, False, True, False, False]
+
+
 def test_a_file_without_a_frame_count_promises_nothing(tmp_path: Path) -> None:
     recording = open_dsa(packed(tmp_path / "a.dsa", dsa_xml(SMALL, [(0, dsa_words([1] * 12))], promised=None)), None)
     assert recording.scans is None
@@ -404,7 +418,7 @@ def test_an_element_counts_as_256_bytes_of_what_a_file_unpacks_to(
 ) -> None:
     monkeypatch.setattr(limits, "FREE_BYTES", 1_000_000)
     monkeypatch.setattr(limits, "MOST_RATIO", 0)
-    text, after = dsa_xml(SMALL, [], promised=0), " " * 70_000  # elements are counted with the next piece
+    text, after = dsa_xml(SMALL, [], promised=0), " " * 200_000  # elements are counted with the next piece, once
     few, many = (text.replace("</root>", "<a/>" * elements + after + "</root>") for elements in (2_500, 5_000))
     assert len(list(_elements(packed(tmp_path / "a.dsa", few)))) == 3
     with pytest.raises(RecordingTooLarge):

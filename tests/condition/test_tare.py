@@ -206,6 +206,110 @@ def test_a_taxel_beside_a_load_whenever_it_is_idle_has_its_own_offset_if_that_is
     np.testing.assert_allclose(offsets.std[second], (0.5 if own else 1.0) * spread, rtol=0.05)
 
 
+@pytest.mark.parametrize(("idle", "found"), [(3, False), (4, True)])
+def test_offsets_need_three_scans_that_are_certainly_unloaded(idle: int, found: bool) -> None:
+    """Of three the probabilities to be unloaded add up to a little less."""
+    load = np.where(np.arange(24) < idle, 0.0, np.linspace(2000.0, 4000.0, 24))[:, np.newaxis]
+    readings = 100.0 + 20.0 * CHECKERBOARD + load + np.random.default_rng(0).normal(0, 1, (24, 36))
+    assert (offsets_of(readings) is not None) == found
+
+
+@pytest.mark.parametrize(("taxels", "found"), [(3, False), (4, True)])
+def test_offsets_need_two_taxels_that_are_unloaded_at_any_time(taxels: int, found: bool) -> None:
+    """A row of taxels whose last is loaded; the one beside it may carry the skirt of that load. With so few neighbours
+    the others are offsets because they are 0 within their noise.
+    """
+    layout, random = grid_sensor(1, taxels).layout, np.random.default_rng(0)
+    load = np.linspace(2000.0, 4000.0, 24)[:, np.newaxis] * (np.arange(taxels) == taxels - 1)
+    windows = (load + random.normal(0, 0.5, load.shape)).reshape(2, 12, taxels)
+    none, near = np.zeros(taxels, dtype=np.bool_), near_taxels(layout)
+    offsets = find_offsets(windows, np.ones(taxels), none, near, layout.neighbours(0), reference=1e4, cut=-1e9)
+    assert (offsets is not None) == found
+    assert offsets is None or offsets.known.tolist() == [True, True, False, False]
+
+
+@pytest.mark.parametrize(("reference", "found"), [(1150.0, False), (1250.0, True)])
+def test_offsets_of_taxels_unloaded_at_any_time_are_below_a_tenth_of_the_reference(
+    reference: float, found: bool
+) -> None:
+    """The offsets are 80 and 120."""
+    load = np.linspace(2000.0, 4000.0, 60)[:, np.newaxis] * ~((SQUARE.row < 3) & (SQUARE.col < 4))
+    readings = 100.0 + 20.0 * CHECKERBOARD + load + np.random.default_rng(0).normal(0, 1, load.shape)
+    assert (offsets_of(readings, reference=reference) is not None) == found
+
+
+def test_levels_that_are_equal_to_the_digit_still_have_their_noise() -> None:
+    """One of twelve offsets is higher by less than the levels' own noise: it is no load."""
+    unloaded = (SQUARE.row < 3) & (SQUARE.col < 4)
+    bias = np.where(np.arange(36) == CORNER, 100.3, 100.0)
+    offsets = offsets_of(bias + np.linspace(2000.0, 4000.0, 60)[:, np.newaxis] * ~unloaded)
+    assert offsets is not None
+    np.testing.assert_array_equal(offsets.known, unloaded)
+    np.testing.assert_allclose(offsets.offset[unloaded], bias[unloaded], atol=0.01)
+
+
+def rocking(bias: Floats) -> Floats:
+    """(60 scans, taxels): an object that rocks between the first two columns, over noise of 1."""
+    first = np.where(np.arange(60) < 30, 1.0, 0.0)[:, np.newaxis]
+    load = 2000.0 * (first * (SQUARE.col == 0) + (1.0 - first) * (SQUARE.col == 1))
+    return bias + load + np.random.default_rng(0).normal(0, 1, load.shape)
+
+
+@pytest.mark.parametrize(("spread", "std"), [(3.0, 0.5 * 3.0 * 1.4826), (1.0, 1.0), (0.0, 0.14)])
+def test_an_offset_beside_a_load_is_known_to_half_the_spread_not_below_its_noise_nor_beyond_the_spread(
+    spread: float, std: float
+) -> None:
+    second = SQUARE.col == 1
+    offsets = offsets_of(rocking(100.0 + np.where(second, 0.0, spread * CHECKERBOARD)))
+    assert offsets is not None
+    np.testing.assert_allclose(offsets.offset[second], 100.0, atol=0.5)
+    np.testing.assert_allclose(offsets.std[second], std, rtol=0.1)
+
+
+def test_no_offset_is_below_what_the_sensor_reads() -> None:
+    """Levels below 0, of which only what noise adds is read: alone, and beside a load."""
+    second = SQUARE.col == 1
+    alone = np.maximum(np.random.default_rng(1).normal(-1, 1, (24, 36)), 0.0)
+    beside = np.maximum(rocking(np.where(second, -1.0, 2.0 + 1.5 * CHECKERBOARD)), 0.0)
+    for readings, low in ((alone, ~ALL), (beside, second)):
+        offsets = offsets_of(readings, cut=0.0)
+        assert offsets is not None
+        np.testing.assert_array_equal(offsets.offset[low], 0.0)
+
+
+def test_a_masked_taxel_of_a_pad_that_is_never_idle_has_neither_offset_nor_deviation() -> None:
+    masked = np.isin(np.arange(36), [3, 20])
+    bias = np.random.default_rng(2).normal(100, 20, 36)
+    windows = np.where(masked, np.nan, rocking(bias)).reshape(-1, 12, 36)
+    offsets = find_offsets(windows, np.ones(36), masked, near_taxels(SQUARE), PAIRS, reference=1e4, cut=-1e9)
+    assert offsets is not None
+    far = (SQUARE.col > 2) & ~masked
+    np.testing.assert_allclose(offsets.offset[far], bias[far], atol=1.0)
+    assert (offsets.offset[masked] == 0.0).all()
+    assert (offsets.std[masked] == 0.0).all()
+
+
+def test_a_window_of_one_scan_may_be_idle() -> None:
+    assert offset_of(np.full((3, 1, 36), 100.0)) is not None
+
+
+def test_a_pad_that_is_still_in_one_of_its_lowest_windows_was_idle() -> None:
+    windows = np.tile(100.0 * CHECKERBOARD, (2, 12, 1))
+    windows[1, 6:, 7] += 10.0  # the sum stays, both taxels change
+    windows[1, 6:, 8] -= 10.0
+    assert offset_of(windows) is not None
+
+
+def test_the_mean_of_an_idle_window_counts_where_a_sample_of_the_scans_finds_no_unloaded_ones() -> None:
+    """Every other window is looked at, of which none is idle; three taxels always read 0, as if clipped."""
+    bias, silent = 100.0 + 20.0 * CHECKERBOARD, np.isin(np.arange(36), [0, 17, 30])
+    readings = bias + np.linspace(2000.0, 9000.0, 66 * 12)[:, np.newaxis]
+    readings[12:24] = bias + np.random.default_rng(0).normal(0, 1, (12, 36))
+    offsets = offsets_of(np.where(silent, 0.0, readings), cut=0.0)
+    assert offsets is not None
+    np.testing.assert_allclose(offsets.offset, np.where(silent, 0.0, bias), atol=1.5)
+
+
 @pytest.mark.parametrize(("level", "share", "is_mean"), [(2.1, 0.018, True), (1.95, 0.026, False)])
 def test_readings_of_which_more_than_2_percent_are_clipped_have_another_offset_than_their_mean(
     level: float, share: float, is_mean: bool

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taxelflow.fusion.hand_frame import Carried
-from taxelflow.fusion.twist import Equations, Row, fuse_twists, spans_a_plane, turn_is_observable
+from taxelflow.fusion.twist import Equations, Row, fuse_twists, information_on_turn, spans_a_plane, turn_is_observable
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, records, unknown
 
@@ -144,12 +144,44 @@ def test_unknown_pads_do_not_count_and_none_leaves_all_unknown() -> None:
     assert np.isnan(none["velocity"]).all()
 
 
-def test_without_places_the_motion_is_the_mean_translation() -> None:
-    row = fused(np.array([[1e-4, 0.0], [3e-4, 2e-4]]), places=np.zeros((2, 2)), turns=False)
+@pytest.mark.parametrize("places", [np.zeros((2, 2)), PLACES[:2]], ids=["at the origin", "apart"])
+def test_without_places_the_motion_is_the_mean_translation(places: Floats) -> None:
+    row = fused(np.array([[1e-4, 0.0], [3e-4, 2e-4]]), places=places, turns=False)
     np.testing.assert_allclose(row["velocity"][:2], [0.01, 0.005])
     np.testing.assert_allclose(row["velocity_covariance"][:2, :2], np.eye(2) * 1e-10 / SPAN_S**2 / 2, rtol=1e-6)
     assert np.isnan(row["velocity"][2])
     assert np.isnan(row["rotor"])
+
+
+def test_a_mean_translation_weighs_correlated_noise() -> None:
+    rows, spans = unknown(Row, 1), np.full((1, 2), SPAN_S)
+    covariance = np.array([[[[2e-10, 1e-10], [1e-10, 3e-10]], [[4e-10, -3e-10], [-3e-10, 5e-10]]]])
+    moved, nothing = np.array([[[1e-4, 0.0], [3e-4, 2e-4]]]), np.full((1, 2, 2), np.nan)
+    here = carried(np.zeros((1, 2, 2)), moved, nothing, np.ones((1, 2), np.bool_))
+    fuse_twists(here, covariance, spans, False, records(Equations, 1), rows)
+    W = SPAN_S**2 * np.linalg.inv(covariance[0])
+    expected = np.linalg.inv(W.sum(axis=0))
+    np.testing.assert_allclose(rows[0]["velocity_covariance"][:2, :2], expected, rtol=1e-6)
+    mean = expected @ np.einsum("pab,pb->a", W, moved[0] / SPAN_S)
+    np.testing.assert_allclose(rows[0]["velocity"][:2], mean, rtol=1e-6)
+
+
+def test_each_scan_is_fitted_by_its_own_vectors() -> None:
+    """Twists, a field that is not rigid, one pad alone: none finds anything of the scans before."""
+    field = np.array([[0.3, -0.4], [0.9, -0.2]])
+    moved = np.array([rigid(0.01, -0.02, 0.7), SPAN_S * (PLACES @ field.T + [0.01, 0.02]), rigid(0.02, 0.01, -0.3)])
+    known = np.array([[True] * 4, [True] * 4, [True] + [False] * 3])
+    covariance = np.broadcast_to(1e-10 * np.eye(2), (3, 4, 2, 2)).copy()
+    rows, spans = unknown(Row, 3), np.full((3, 4), SPAN_S)
+    here = carried(np.tile(PLACES, (3, 1, 1)), moved, np.full((3, 4, 2), np.nan), known)
+    fuse_twists(here, covariance, spans, True, records(Equations, 1), rows)
+    for scan in range(3):
+        assert_records_equal(rows[scan], fused(moved[scan], known=known[scan].tolist()))
+
+
+def assert_records_equal(one: Records, other: Records) -> None:
+    for field in one.dtype.names:
+        np.testing.assert_array_equal(one[field], other[field], err_msg=field)
 
 
 def test_a_pads_own_turn_counts_by_its_variance() -> None:
@@ -191,6 +223,17 @@ def test_places_a_millimetre_apart_determine_a_turn(apart_m: float, expected: bo
     x = 0.04 + apart_m * np.array([-1.0, 1.0])
     normal = sum(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, a], [0.0, a, a * a]]) for a in x)
     assert turn_is_observable(np.asarray(normal)) == expected
+
+
+@pytest.mark.parametrize(("information", "expected"), [(4.9e-6, False), (5.1e-6, True)])
+def test_the_information_on_a_turn_is_compared_with_the_mean_of_both_axes(information: float, expected: bool) -> None:
+    assert turn_is_observable(np.diag([9.0, 1.0, information])) == expected
+
+
+def test_the_information_on_a_turn_is_what_a_translation_leaves_of_it() -> None:
+    root = np.random.default_rng(5).normal(0, 1, (3, 3))
+    normal = root @ root.T
+    assert information_on_turn(normal) == pytest.approx(1.0 / np.linalg.inv(normal)[2, 2])
 
 
 @pytest.mark.parametrize(("high_m", "expected"), [(0.9e-3, False), (1.1e-3, True)])

@@ -24,12 +24,17 @@ UNDECIDED = frozenset(
     {
         "bulb-pull/template/stream",
         "press/template/stream",
+        "sdh-bags/slip_up.bag/template/batch",
+        "sdh-dsa/slip_and_rotation_teapot_handle.dsa/lnorm/stream",
         "sdh-dsa/slip_and_rotation_teapot_handle.dsa/template/batch",
         "sdh-dsa/slip_and_rotation_teapot_handle.dsa/template/stream",
         "sdh-dsa/tennisball.dsa/template/stream",
+        "stick-slip/template/stream",
+        "two-contacts/template/stream",
     }
 )
-"""Runs of which rounding decides more: fits with the same likelihood have other poses."""
+"""Runs of which rounding decides more: fits with the same likelihood have other poses, an angle is known or not
+(`slip_up`), or the fit of a slide that is held against rest ends in another minimum (`lnorm`)."""
 STATED = {
     "slips.pose": "slips.covariance",
     "slips.displacement": "slips.displacement_covariance",

@@ -4,14 +4,16 @@ import itertools
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 import pytest
 
 from costly import mostly_long
+from linked import linked_hand
 from synthetic import METHODS, assert_same, dome, grid_sensor, recorded
-from taxelflow.acquire.base import Recording
+from taxelflow.acquire.base import Recording, Truth
 from taxelflow.condition.parameters import Conditioner
-from taxelflow.errors import NameUnknown, TimesNotIncreasing
+from taxelflow.errors import CalibrationUnfit, NameUnknown, RunEnded, TimesNotIncreasing
 from taxelflow.messages import (
     AMBIGUOUS,
     LOST,
@@ -27,6 +29,7 @@ from taxelflow.messages import (
     joined,
     no_scans,
 )
+from taxelflow.pipeline import stages
 from taxelflow.pipeline.api import estimate
 from taxelflow.pipeline.stages import Output, Pipeline
 from taxelflow.runtime import registry
@@ -35,11 +38,14 @@ from taxelflow.slip.stage import SlipStage
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from taxelflow.sensors.layout import Layout
 
 PALM = grid_sensor(4, 7, full_scale=140e3)
 WIDE = grid_sensor(9, 21, full_scale=140e3)
+WARM_UP = Pipeline.warm_up
+"""That of the package: the other tests do without it."""
 both_methods = pytest.mark.parametrize("method", METHODS)
 both_modes = pytest.mark.parametrize("mode", ["batch", "stream"])
 
@@ -199,6 +205,41 @@ def test_what_came_before_a_time_that_runs_backwards_is_estimated(mode: str) -> 
     assert rows == 45
 
 
+@both_modes
+def test_an_interrupt_gives_what_came_before_it(mode: str) -> None:
+    raw = recorded(dome(PALM) + np.random.default_rng(0).normal(0, 100, (60, 28)), PALM).load()
+    times = itertools.count()
+
+    def interrupted() -> Iterator[RawScans]:
+        yield cut(raw, 0, 45)
+        if mode == "stream" or next(times):  # a batch reads twice
+            raise KeyboardInterrupt
+        yield cut(raw, 45, 60)
+
+    rows = 0
+    with pytest.raises(KeyboardInterrupt):
+        for output in pipeline(mode=mode).start(Recording("device", "device", PALM, interrupted)):
+            rows += len(output)
+    assert rows == 45
+
+
+def test_a_run_that_has_ended_takes_no_scan(stroke: Recording) -> None:
+    run = pipeline(mode="stream").start(stroke)
+    run.step(stroke.load())
+    run.finish()
+    for more in (run.finish, lambda: run.step(stroke.load())):
+        with pytest.raises(RunEnded):
+            more()
+
+
+def test_a_calibration_is_of_the_method_that_it_was_made_with(stroke: Recording) -> None:
+    none = (0.0, 0.0, 0.0)
+    pad = PadCalibration("pad0", 2.0, 1.0, 10.0, 10.0, none, none, 0.0, 0.0, 60, 60, 0.1)
+    calibration = Calibration("lnorm", "grid", fingerprint(stroke.sensor), "0", (pad,))
+    with pytest.raises(CalibrationUnfit, match="Convolution"):
+        replace(pipeline("convolution"), calibration=calibration).start(stroke)
+
+
 def test_an_unknown_mode_comes_with_the_list() -> None:
     with pytest.raises(NameUnknown, match="unknown mode 'live'; known are batch, stream"):
         pipeline(mode="live")
@@ -299,6 +340,50 @@ class Still:
         return Estimates.unknown(no_scans(PALM.layout.entries, len(PALM.layout.pads)))
 
 
+def warmed_by(monkeypatch: pytest.MonkeyPatch, *pipelines: Pipeline) -> list[Pipeline]:
+    """What runs on made-up recordings as pipelines warm up, one after the other, in a process of their own."""
+    ran: list[Pipeline] = []
+    monkeypatch.setattr(stages, "_warm", set())
+    monkeypatch.setattr(stages, "Run", lambda made, _recording: ran.append(made) or [])
+    for one in pipelines:
+        WARM_UP(one)
+    return ran
+
+
+def test_a_process_is_warmed_up_once_for_what_its_streams_need(monkeypatch: pytest.MonkeyPatch) -> None:
+    lnorm, convolution = pipeline("lnorm", "stream"), pipeline(mode="stream")
+    ran = warmed_by(monkeypatch, lnorm, convolution, lnorm, convolution)
+    assert [made.estimator for made in ran] == [lnorm.estimator, convolution.estimator]
+
+
+def test_a_warm_up_leaves_out_what_fits_one_sensor_only(monkeypatch: pytest.MonkeyPatch, stroke: Recording) -> None:
+    calibration = Calibration("lnorm", "grid", fingerprint(stroke.sensor), "0", ())
+    calibrated = replace(pipeline("lnorm", "stream"), calibration=calibration)
+    ran = warmed_by(monkeypatch, Pipeline(Still(), "stream"), calibrated)  # type: ignore[arg-type]
+    assert [made.estimator for made in ran] == [pipeline().estimator, calibrated.estimator]
+    assert [made.calibration for made in ran] == [None, None]
+
+
+def test_joint_angles_of_the_sensor_file_place_the_pads_in_space(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    sensor = linked_hand(tmp_path)
+    values = np.zeros((3, sensor.layout.taxels))
+    without = pipeline().start(recorded(values, sensor))
+    assert without.step(recorded(values, sensor).load()).spatial is None
+    assert "there are no joint angles" in without.notes[0]
+    assert isinstance(sensor.hand, msgspec.Struct)
+    declared = msgspec.structs.replace(sensor, hand=msgspec.structs.replace(sensor.hand, joints="slide=0.1"))
+    run = pipeline().start(recorded(values, declared))
+    assert joined([run.step(recorded(values, declared).load()), run.finish()]).spatial is not None
+    assert run.notes == []
+
+
+def test_the_flat_rig_needs_no_joint_angles(tmp_path: Path) -> None:
+    recording = recorded(np.zeros((3, 128)), linked_hand(tmp_path))
+    truth = Truth("left", np.arange(3) / 10, np.zeros((3, 3)))
+    assert pipeline().start(replace(recording, truth=truth)).notes == []
+
+
 @both_modes
 def test_a_plug_in_reports_the_contacts_borders_and_loads_of_the_scans(mode: str) -> None:
     random = np.random.default_rng(3)
@@ -319,6 +404,28 @@ def test_a_plug_in_reports_the_contacts_borders_and_loads_of_the_scans(mode: str
     assert (plug_in.slips.quality[~touched, 0] == NO_POSE).all()
 
 
+@dataclass(frozen=True)
+class RowByRow(Still):
+    """A plug-in whose kernels are compiled for scans that lie row by row."""
+
+    def step(self, scans: Scans) -> Estimates:
+        assert scans.pressure.flags.c_contiguous
+        return super().step(scans)
+
+
+@both_modes
+@pytest.mark.parametrize("lay", [np.asfortranarray, np.float32, lambda values: np.repeat(values, 2, axis=1)[:, ::2]])
+def test_an_estimator_gets_scans_row_by_row_however_they_are_pushed(mode: str, lay: Any) -> None:
+    values = np.random.default_rng(0).normal(0, 100, (40, 28)).round()
+    values[20:] += dome(PALM).round()
+    run = Pipeline(RowByRow(), mode).start(recorded(values, PALM))  # type: ignore[arg-type]
+    pushed = RawScans(np.repeat(np.arange(40) / 10, 2)[::2], lay(values))
+    outputs = [run.step(cut(pushed, 0, 20)), run.step(cut(pushed, 20, 40)), run.finish()]
+    np.testing.assert_array_equal(
+        joined(outputs).slips.load, estimate(recorded(values, PALM), Still(), mode=mode).slips.load
+    )  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("quality", [OK, AMBIGUOUS, UNRESOLVED, LOST])
 def test_what_a_method_judges_itself_is_kept(quality: int, stroke: Recording) -> None:
     slips = estimate(stroke, Still(quality)).slips  # type: ignore[arg-type]
@@ -334,10 +441,10 @@ def test_filters_of_the_conditioner_add_to_every_lag(stroke: Recording) -> None:
 
 
 class Late:
-    """A plug-in estimator whose estimates come scan by scan, each ten scans late."""
+    """A plug-in estimator whose estimates come scan by scan, each some scans late."""
 
-    def __init__(self, quality: int) -> None:
-        self.quality = quality
+    def __init__(self, quality: int, late: int) -> None:
+        self.quality, self.late = quality, late
         self.held = [Estimates.unknown(no_scans(WIDE.layout.entries, 1))]
 
     def step(self, scans: Scans) -> Estimates:
@@ -345,7 +452,7 @@ class Late:
         estimates.pose[scans.contact] = 0.0
         estimates.quality[scans.contact] = self.quality
         self.held = [joined([*self.held, estimates])]
-        return self.given(max(len(self.held[0]) - 10, 0))
+        return self.given(max(len(self.held[0]) - self.late, 0))
 
     def finish(self) -> Estimates:
         return self.given(len(self.held[0]))
@@ -359,13 +466,20 @@ class Late:
 @dataclass(frozen=True)
 class Lately:
     quality: int = OK
+    late: int = 10
 
     def start(self, layout: Layout, mode: str) -> Late:
-        return Late(self.quality)
+        return Late(self.quality, self.late)
 
 
-@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
-@pytest.mark.parametrize("method", ["convolution", Lately(), Lately(LOST)], ids=["at once", "late", "lost"])
+@pytest.mark.parametrize(
+    ("method", "mode"),
+    mostly_long(
+        itertools.product(["convolution", Lately(), Lately(LOST), Lately(late=1)], ["batch", "stream"]),
+        *itertools.product(["convolution", Lately(), Lately(LOST)], ["batch"]),
+        (Lately(late=1), "stream"),
+    ),
+)
 def test_contacts_that_move_apart_leave_no_scan_ok(mode: str, method: Any) -> None:
     random = np.random.default_rng(2)
     apart_m = np.concatenate([np.full(30, 0.04), np.linspace(0.04, 0.1, 40), np.full(30, 0.1)])

@@ -199,7 +199,7 @@ def test_a_slip_that_stands_out_is_found_at_its_start_and_where_it_is() -> None:
     np.testing.assert_allclose(slip["position"], path[-1], rtol=0.03)
 
 
-def test_a_turn_that_is_unknown_has_no_velocity() -> None:
+def test_a_coordinate_that_is_unknown_has_no_velocity() -> None:
     t_s = np.arange(16) / 100
     path = np.maximum(t_s - t_s[8], 0.0)[:, np.newaxis] * [0.01, 0.0, 1.0]
     slip = run(t_s, path, covariance=with_unknown(CORRELATED, 2))[0][-1].slip
@@ -208,6 +208,9 @@ def test_a_turn_that_is_unknown_has_no_velocity() -> None:
     slip = run(t_s, path, covariance=with_unknown(CORRELATED, 1, 2))[0][-1].slip
     assert slip["velocity"][0] > 0.005
     assert slip["velocity"][1] == 0.0
+    slip = run(t_s, path[:, [1, 0, 2]], covariance=with_unknown(CORRELATED, 0, 2))[0][-1].slip
+    assert slip["velocity"][0] == 0.0
+    assert slip["velocity"][1] > 0.005
 
 
 @pytest.mark.parametrize("grows", [True, False])
@@ -254,6 +257,17 @@ def test_the_threshold_has_no_clock_of_its_own_and_is_below_the_interval(
     assert level == pytest.approx(dt * alarm_threshold(interval, 1.0, components))
     assert alarm_threshold(2 * interval * dt, dt, components) > level
     assert 0.03 * interval < level / dt < 0.3 * interval
+
+
+@pytest.mark.parametrize(
+    ("components", "shares"), [(1, (0.181, 0.130)), (2, (0.112, 0.080)), (3, (0.096, 0.063))], ids=str
+)
+def test_the_threshold_is_this_share_of_an_interval_of_a_thousand_and_of_a_million_scans(
+    components: int, shares: tuple[float, float]
+) -> None:
+    """Rounded from the fit that the simulation in test_rate, which takes long, confirms to 30 %."""
+    found = [alarm_threshold(scans, 1.0, components) / scans for scans in (1e3, 1e6)]
+    assert found == pytest.approx(shares, rel=0.01)
 
 
 def pruned(scans: int, dt_s: float) -> tuple[Floats, Floats]:

@@ -232,8 +232,7 @@ class Reading:
         if self._mapped:
             self.notes += doubted_numbers(block.values, self.notes)
             block = sensor.channel_map.of_source(block)
-        block = replace(block, t_s=np.ascontiguousarray(block.t_s), values=np.ascontiguousarray(block.values))
-        block = self._in_order(block)
+        block = self._in_order(block.in_order())
         if not self.scans and len(block) >= _RATE_SCANS:
             self.notes += doubted_rate(1 / float(np.median(np.diff(block.t_s))), float(block.t_s[0]))
         self.scans += len(block)

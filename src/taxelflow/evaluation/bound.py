@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import starmap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import NdBSpline
@@ -35,6 +35,8 @@ from taxelflow.simulation.sensing import delays
 from taxelflow.simulation.simulate import pressures
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from taxelflow.messages import Bools, Floats
     from taxelflow.sensors.layout import Layout
     from taxelflow.simulation.scenario import Scenario
@@ -183,7 +185,9 @@ def modelled(scenario: Scenario, layout: Layout, pad: int, t_s: Floats) -> Model
     return Model(pressure, by_pose, nuisance, points, weight, np.broadcast_to(gain, pressure.shape))
 
 
-def _jointly(model: Model, pose: Floats, known: Floats, contact: Any, knot_m: float) -> tuple[Floats, Floats]:
+def _jointly(
+    model: Model, pose: Floats, known: Floats, contact: NDArray[np.int64], knot_m: float
+) -> tuple[Floats, Floats]:
     """Standard deviations of one contact with the pattern unknown: (scans, axes) of its poses, and (scans - 1, axes) of
     its motions since the first scan. known: those with the pattern known.
     """
@@ -233,7 +237,7 @@ def _spread(scale: Floats) -> Floats:
     return spread
 
 
-def _pattern(model: Model, contact: Any, knot_m: float) -> Any:
+def _pattern(model: Model, contact: NDArray[np.int64], knot_m: float) -> csr_array[np.float64]:
     """Readings by coefficients (scans * taxels, coefficients), sparse, coefficients over the largest pressure."""
     points, pressure = model.points[contact].reshape(-1, 2), model.pressure[contact].reshape(-1)
     most = pressure.max()
@@ -249,7 +253,7 @@ def _pattern(model: Model, contact: Any, knot_m: float) -> Any:
     return rows @ csr_array(basis)[:, touched]
 
 
-def _blocks(parts: Floats) -> Any:
+def _blocks(parts: Floats) -> csr_array[np.float64]:
     """(n, rows, columns) as a sparse block-diagonal matrix."""
     n, rows, columns = parts.shape
     return bsr_array((parts, np.arange(n), np.arange(n + 1)), shape=(n * rows, n * columns)).tocsr()

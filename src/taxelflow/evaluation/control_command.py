@@ -15,7 +15,7 @@ from taxelflow.runtime.checks import not_negative
 from taxelflow.runtime.exit_codes import PARTLY_DONE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from taxelflow.control.base import Controller
     from taxelflow.evaluation.control import Course, MotionRow, TrialRow
@@ -191,7 +191,7 @@ class Control(Output):
 
         return Actuator(self.bandwidth_hz, 1e-3 * self.latency_ms)
 
-    def _watched(self, courses: list[Course]) -> Any:
+    def _watched(self, courses: list[Course]) -> Iterable[Course]:
         from taxelflow.publish.terminal import counted
 
         return counted(courses, "trials")

@@ -206,7 +206,7 @@ class Run:
         """Results that are ready after these scans, which follow those of the last call; none, as a rule, until tare
         and noise are known, and in a batch until contacts end. Raises RunEnded after `finish`.
         """
-        return joined([*self._through(raw)] or [self._nothing])
+        return joined([*self._through(raw.in_order())] or [self._nothing])
 
     def finish(self) -> Output:
         """Results that were held back; no scan may follow. Raises RunEnded when it is called again."""
@@ -241,8 +241,6 @@ class Run:
             self._space.finish()
 
     def _segment_and_estimate(self, scans: Scans) -> Iterator[Output]:
-        if not scans.pressure.flags.c_contiguous:  # kernels of a session are called for the types of its first arrays
-            scans = replace(scans, pressure=np.ascontiguousarray(scans.pressure))
         segmented = self._segment.step(scans)
         self._segmented.append(segmented.contacts)
         self._textures.append(segmented.texture)

@@ -73,7 +73,7 @@ def test_what_is_lost_or_odd_of_a_recording_is_told_once(
         playing.fill()
     finally:
         playing.close()
-    note, loss = (record.message for record in caplog.records)
+    note, loss = (record.message for record in caplog.records if record.module == "view")  # kernels may be compiled
     assert note == "a note of the reader"
     assert "a.csv is truncated: 79 scans could be read" in loss
 
