@@ -60,6 +60,18 @@ def test_a_round_object_that_the_border_cuts_does_not_turn() -> None:
     assert np.mean(cut == OK) > 0.5  # a third of the scans when some contacts turned
 
 
+@pytest.mark.long
+def test_a_part_of_a_pad_with_heights_turns_by_what_it_turns() -> None:
+    recording = simulate(replace(SCENARIOS["two-contacts"], seed=1))
+    apart = api.estimate(recording.with_contacts(2), "template")
+    angle, turn = apart.slips.pose[:, apart.pads.index("grid#1"), 2], recording.known_truth.pose[:, 2]
+    known = np.isfinite(angle)
+    error = (angle - turn)[known]
+    assert known.sum() > 200
+    assert np.ptp(turn[known]) > 0.35  # with heights that press no taxel, the angle seemed not to be observable
+    assert np.degrees(np.std(error)) < 1.0
+
+
 def dome_on_uneven_taxels(unseen_error: float) -> Scanned:
     """A dome that slides over taxels with gains that differ by a tenth: they stay, and the dome seems to turn."""
     places = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(7.0), np.arange(5.0))])

@@ -28,17 +28,26 @@ class Observability(NamedTuple):
 
 
 def observability(
-    pattern: Pattern, scanned: Scanned, states: Floats, factor: Factor, scan: int, error: float
+    pattern: Pattern,
+    scanned: Scanned,
+    states: Floats,
+    factor: Factor,
+    scan: int,
+    error: float,
+    *,
+    pressed: bool = False,
 ) -> Observability:
     """Observability of x, y and theta in a given scan.
 
     Errors of a pattern have slopes, too, which look like information. How much is measured on patterns of pure noise,
     drawn from the posterior covariance, whose inverse `factor` factors. 0 across a line of taxels, and for its angle:
-    see `scanned.across`.
+    see `scanned.across`. pressed: whether only taxels on which the pattern presses count.
     """
     here = scanned.places, states[scan], scanned.bends[scan]
     base = pattern.read(*here)
     known = np.isfinite(base[:, 0]) & (scanned.variance[scan] > 0)
+    if pressed:
+        known &= base[:, 0] > 0.0
     gain = state_of(states[scan]).gain
     w = 1.0 / (scanned.variance[scan, known] + (error * scanned.amplitude) ** 2)
     slopes, load = gain * base[known, 1:4], base[known, :1]

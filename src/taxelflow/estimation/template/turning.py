@@ -29,9 +29,11 @@ UNCONVERGED = 1.0
 def explains_far_more(free: Solved, held: Solved, scanned: Scanned) -> bool:
     """Whether the free fit is better even if each angle is penalised like a parameter of all readings.
 
-    The pattern must also show more of the angle than noise would.
+    The pattern must also show more of the angle than noise would. Heights that press no taxel are hardly known, and
+    would outweigh those that do.
     """
-    return _observability(free, scanned) > 1.0 and cost(free, scanned, strict=True) < cost(held, scanned, strict=True)
+    better = cost(free, scanned, strict=True) < cost(held, scanned, strict=True)
+    return better and _observability(free, scanned, pressed=free.heights) > 1.0
 
 
 def explains_no_less(free: Solved, held: Solved, scanned: Scanned) -> bool:
@@ -74,11 +76,12 @@ def keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
     return bool(np.quantile(theta**2 / variance, _MOST) < SIGNIFICANT**2) and turns_surely(free, scanned)
 
 
-def _observability(free: Solved, scanned: Scanned) -> float:
+def _observability(free: Solved, scanned: Scanned, *, pressed: bool = False) -> float:
     """Observability of the angle, see `observability`, in the scan with the most information on it."""
     scan = int(np.argmax(diagonals_of(free.fit.information).theta))
     error = max(free.error, COARSE)
-    return float(observability(free.pattern, scanned, free.states, free.fit.factor, scan, error).theta)
+    found = observability(free.pattern, scanned, free.states, free.fit.factor, scan, error, pressed=pressed)
+    return float(found.theta)
 
 
 def diagonals_of(matrices: Floats) -> States:
