@@ -100,10 +100,9 @@ class _Linear:
         self.smooth = smoothness(pattern.shape)
         self.bent = np.empty(pattern.coefficients.size)
 
-    def update(self, states: Floats, *, states_only: bool = False) -> None:
-        """Linearise at states (scans, 5). states_only: leave the equations of the coefficients as they are."""
-        out = self.normal._replace(stencil=self.normal.stencil[:0]) if states_only else self.normal
-        assemble(self.pattern.surface, self.readings, states, self._free, self._level, out)
+    def update(self, states: Floats) -> None:
+        """Linearise at states (scans, 5)."""
+        assemble(self.pattern.surface, self.readings, states, self._free, self._level, self.normal)
         multiply(self.smooth, self.pattern.shape[1], self.pattern.coefficients.ravel(), self.bent)
 
     def bending(self) -> float:
@@ -125,11 +124,8 @@ class _Linear:
         prior = np.where(np.isinf(precision), 1.0, precision)
         blocks[:, diagonal, diagonal] += prior + LEAST_INFORMATION + NEGLIGIBLE * strong
 
-    def determined(self, factor: Factor, smoothing: float) -> float:
-        """Number of coefficients that the readings determine, not their priors: a trace, by random vectors.
-
-        smoothing: that in the factor.
-        """
+    def determined(self, factor: Factor) -> float:
+        """Number of coefficients that the readings determine, not their priors: a trace, by random vectors."""
         pattern, knots = self.pattern, len(self.normal.right)
         probes = min(_PROBES, -(-_PROBED // knots))
         signs = np.random.default_rng(0).choice([-1.0, 1.0], (probes, knots))
@@ -137,7 +133,7 @@ class _Linear:
         total = 0.0
         for sign, back in zip(signs, factor.solve(signs.T).T, strict=True):
             multiply(self.smooth, pattern.shape[1], sign, held)
-            total += knots - float(back @ (smoothing * held + pattern.prior * sign))
+            total += knots - float(back @ (pattern.smoothing * held + pattern.prior * sign))
         return total / probes
 
     def to_knots(self, step: Floats) -> Floats:
@@ -187,25 +183,22 @@ def refine(
     best, damping = _Best(np.inf, states, pattern.coefficients, pattern.smoothing), 0.0
     parts, diagonal = states_of(states), np.arange(STATE)
     for round_ in range(rounds + 1):
-        is_last = round_ == rounds > 0  # no step follows: it has the factor of the round before
-        linear.update(states, states_only=is_last)
+        linear.update(states)
         merit = float(normal.chi.sum() + (pull * (states - usual) ** 2).sum() + pattern.smoothing * linear.bending())
         if merit > _WORSE * best.merit:
             best.restore(pattern, states)
-            linear.update(states, states_only=is_last)
+            linear.update(states)
             damping = max(10.0 * damping, 0.1)
         elif merit < best.merit:
             best = _Best(merit, states.copy(), pattern.coefficients, pattern.smoothing)
         if round_:
             _learn_smoothing(pattern, linear.bending(), error)
-        linear.add_prior(precision)
-        if is_last:
-            break
         linear.regularise()
         normal.gradient[:] -= pull * (states - usual)
         normal.gradient[:, fixed] = 0.0
-        factor, smoothing = Factor(normal.stencil, pattern.shape[1]), pattern.smoothing
-        if not rounds:
+        linear.add_prior(precision)
+        factor = Factor(normal.stencil, pattern.shape[1])
+        if round_ == rounds:
             break
         step, back = _solve(factor, linear, damping)
         states += step
@@ -216,7 +209,7 @@ def refine(
         moves = relative**2 * pose_part(normal.blocks[:, diagonal, diagonal])
         if np.sqrt(moves.mean(axis=0).max()) < _SETTLED:
             break
-    free = linear.determined(factor, smoothing) + len(states) * int(np.sum(~fixed))
+    free = linear.determined(factor) + len(states) * int(np.sum(~fixed))
     return Fit(
         chi=normal.chi,
         counts=normal.counts,
@@ -237,7 +230,7 @@ def information_of(
     """(scans, 5, 5), information of scans on their states, the pattern held. Arguments as for `refine`."""
     fixed = np.isinf(precision)
     linear = _Linear(pattern, scanned.with_error(error), fixed, level)
-    linear.update(states, states_only=True)
+    linear.update(states)
     linear.add_prior(precision)
     return linear.normal.blocks
 

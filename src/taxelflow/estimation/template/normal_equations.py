@@ -64,10 +64,8 @@ class Normal(NamedTuple):
 @long_kernel
 def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats, level: float, out: Normal) -> None:
     """Linearise at states (scans, 5). free: (5,), 1 of those that may move, 0 of others. level: the contact's largest
-    reading if the surface is one of heights and the size of a state a depth, else 0; see `depth`. A stencil of no knots
-    stays empty, and so does `right`: half of the time goes there.
+    reading if the surface is one of heights and the size of a state a depth, else 0; see `depth`.
     """
-    has_stencil = len(out.stencil) > 0
     c, places, nx = surface.c, readings.places, surface.c.shape[1]
     value, at = np.empty((places.shape[1], 5)), np.empty(STATE)
     out.stencil[:], out.right[:], out.blocks[:], out.gradient[:] = 0.0, 0.0, 0.0, 0.0
@@ -110,8 +108,7 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
                 add_tilt(c, surface.lattice, place, turn, tilt, weight[i], slope[i])
             for a in range(STATE):
                 slope[i, a] *= free[a]
-            if has_stencil:
-                add_square(first[i], weight[i], factor, difference, nx, out.stencil, out.right)
+            add_square(first[i], weight[i], factor, difference, nx, out.stencil, out.right)
             _add_state(slope[i], factor, difference, out.blocks[k], out.gradient[k])
 
 
