@@ -34,7 +34,7 @@ def decided(odds: str, posed: str, *, cuts: tuple[int, ...] = (), restless: bool
     for start, end in zip([0, *cuts], ends, strict=True):
         t_s = SCAN_S * np.arange(start, len(posed))
         part = begun.step(odds_of(odds[start:end], restless=restless), flags(posed[start:]), t_s)
-        found.append(part.log_odds[:, 0] > 0.0)
+        found.append(part[:, 0] > 0.0)
     return "".join("x" if one else "." for one in np.concatenate(found))
 
 

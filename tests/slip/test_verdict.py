@@ -144,7 +144,7 @@ def of_palm(
     each = np.tile(np.array(log_odds)[:, np.newaxis], (1, pads))
     odds = Odds(each, each, np.full((SCANS, pads), restless))
     final, found = Verdict(layout, stream=stream).step(
-        slips, Posed(slipping, events, np.zeros_like(slipping), np.full(slipping.shape, -np.inf)), odds
+        slips, Posed(slipping, events, np.zeros_like(slipping), np.full(slipping.shape, -np.inf)), odds, odds.log_odds
     )
     return final[:, 0], found
 
@@ -160,7 +160,7 @@ def judged(*, palm: bool, quality: int, sensor: Sensor = HAND) -> tuple[np.ndarr
     posed = Posed(slipping, events, np.zeros_like(slipping), np.full(slipping.shape, -np.inf))
     unknown = np.full((SCANS, pads), -1.0)
     odds = Odds(unknown, unknown, np.zeros((SCANS, pads), dtype=bool))
-    return Verdict(layout).step(touching(pads, quality), posed, odds)
+    return Verdict(layout).step(touching(pads, quality), posed, odds, odds.log_odds)
 
 
 def touching(pads: int, quality: int, scan_s: float = 0.01) -> Slips:

@@ -6,7 +6,6 @@ dates its slip to a scan.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,15 +28,15 @@ class Begun:
         self._slips = np.zeros(pads, dtype=np.bool_)
         self._since_s = np.full(pads, -np.inf)
 
-    def step(self, odds: Odds, posed: Bools, t_s: Floats) -> Odds:
-        """The odds (scans, pads), even at best before the pose's slip begins.
+    def step(self, odds: Odds, posed: Bools, t_s: Floats) -> Floats:
+        """(scans, pads), the log odds, even at best before the pose's slip begins.
 
         posed: (scans or more, pads), slipping by a pose that is `ok`, of later scans, too. t_s: (scans or more,).
         """
         slips = odds.restless & (odds.log_odds > 0.0)
         if not slips.any():
             self._slips = np.zeros_like(self._slips)
-            return odds
+            return odds.log_odds
         log_odds = odds.log_odds.copy()
         for scan, now in enumerate(slips):
             for pad in np.flatnonzero(now & ~self._slips):
@@ -47,4 +46,4 @@ class Begun:
             self._slips = now
             early = now & (t_s[scan] < self._since_s)
             log_odds[scan, early] = 0.0
-        return replace(odds, log_odds=log_odds)
+        return log_odds

@@ -123,7 +123,8 @@ class SlipStage:
             if len(of_posed) > len(posed):  # a stream holds nothing back, and copies nothing
                 of_posed = cut(of_posed, first, first + len(posed))
             changes, bins = self._taken(len(posed)), self._watch.completed or []
-            self._sticking.see(changes.spread)
+            if self._sheared:
+                self._sticking.see(changes.spread)
             consent = self._shifts.step(of_posed, detected.events, changes, bins)
             bins.clear()
             self._since_s.append(consent.since_s)
@@ -139,7 +140,7 @@ class SlipStage:
         flags = self._posed[0] if len(self._posed) == 1 else np.concatenate(self._posed)
         statistics = self._statistics[0] if len(self._statistics) == 1 else np.concatenate(self._statistics)
         since_s = self._since_s[0] if len(self._since_s) == 1 else np.concatenate(self._since_s)
-        decisive = odds
+        decisive = odds.log_odds
         if self._ahead_s:
             decisive = self._begun.step(odds, flags & (slips.quality[: len(flags)] == OK), slips.t_s)
         soon_s = ahead(since_s, flags, slips.t_s, self._ahead_s, count) if self._ahead_s else since_s
@@ -154,11 +155,11 @@ class SlipStage:
         due = [event for event in self._events if event.t_s <= slips.t_s[-1]]
         self._events = self._events[len(due) :]
         posed_slips = Posed(flags[:count], due, self._agreement.step(slips), soon_s)
-        slipping, found = self._verdict.step(slips, posed_slips, decisive)
+        slipping, found = self._verdict.step(slips, posed_slips, odds, decisive)
         complete = self._completed.step(slips, slipping, found, self._lost(count))
         statistic = statistics[:count]
         if odds.restless.any():
-            statistic = np.where(odds.restless, np.exp(np.clip(decisive.log_odds, -_MOST_LOG, _MOST_LOG)), statistic)
+            statistic = np.where(odds.restless, np.exp(np.clip(decisive, -_MOST_LOG, _MOST_LOG)), statistic)
         sticks = self._sticking.step(slips.contact, slipping, odds.log_odds) if self._sheared else None
         events = [*complete, *self._completed.finish()] if last else complete
         return Judged(slipping, odds.log_odds, statistic, events, sticks)

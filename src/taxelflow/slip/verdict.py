@@ -147,11 +147,12 @@ class Verdict:
         """Begins of slips by the pose that go on and are only suspected, by pad."""
         self._suspicion = Suspicion(layout.pitch_m)
 
-    def step(self, slips: Slips, posed: Posed, odds: Odds) -> tuple[Bools, list[Event]]:
+    def step(self, slips: Slips, posed: Posed, odds: Odds, decisive: Floats) -> tuple[Bools, list[Event]]:
         """Slipping (scans, pads), and the events of these scans in time order.
 
         A slip that only the pose of one pad sees on a restless pad, or on a part of one that rests, or that its pattern
         speaks against while the pose is not `ok`, becomes `slip_suspected`, again and again while its pose moves on.
+        decisive: (scans, pads), the log odds by which a restless pad slips, see `Begun`.
         """
         events, final, by_odds = posed.events, np.empty_like(posed.slipping), np.empty_like(posed.slipping)
         doubted = posed.since_s == np.inf
@@ -166,7 +167,7 @@ class Verdict:
         soon = np.where(doubted, -np.inf, odds.soon)
         last, last_by_odds = self._slipping, self._by_odds
         decide_ = decide_block if is_block(len(slips), decide) else decide
-        changes = decide_(flags, self._whole, (odds.log_odds, soon), last, last_by_odds, final, by_odds)
+        changes = decide_(flags, self._whole, (decisive, soon), last, last_by_odds, final, by_odds)
         self._slipping, self._by_odds = final[-1:], by_odds[-1:]
         again = self._suspicion.step(slips, posed.slipping & ~final)
         if not events and not changes and not again:
