@@ -139,6 +139,24 @@ def test_what_a_load_did_to_poses_at_rest_is_in_their_covariance_when_the_object
     assert np.median(more) > 0.3 * shift
 
 
+PULLED = 0.12 * np.clip(T_S - 1.2, 0.0, 1.0)
+"""From 1.2 to 2.2 s, and on: before the slide."""
+
+
+def test_what_a_pull_has_shifted_stays_in_the_covariance_of_a_slide() -> None:
+    slips = api.estimate(on_skin(SLID, PULLED), "template", mode="batch").slips
+    pulls, slides = slice(FIRST + 90, FIRST + 145), slice(FIRST + 150, FIRST + 245)
+    touched = slips.pose[FIRST + 20, 0, :2]
+    shift_m = float(np.hypot(*(slips.pose[FIRST + 140, 0, :2] - touched)))
+    assert shift_m > 0.3 * PITCH_M
+    for scans in (pulls, slides):
+        largest = np.linalg.eigvalsh(slips.covariance[scans, 0, :2, :2])[:, 1]
+        assert (largest > (0.8 * shift_m) ** 2).mean() > 0.9
+        assert (slips.quality[scans, 0] != OK).mean() > 0.9
+    even = api.estimate(on_skin(SLID, AT_REST), "template", mode="batch").slips
+    assert (even.quality[slides, 0] == OK).mean() > 0.9
+
+
 def test_excursions_that_come_back_are_what_the_load_does_and_slides_are_not() -> None:
     shifts = Shifts()
     for x in (0.0, 1.0, 3.0, 2.0):

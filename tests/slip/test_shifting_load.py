@@ -95,8 +95,16 @@ def test_consent_within_the_time_ahead_counts_while_the_slip_goes_on() -> None:
     t_s = 0.1 * np.arange(6.0)
     slipping = np.array([1, 1, 1, 0, 1, 1], dtype=bool)[:, np.newaxis]
     since_s = np.array([np.inf, np.inf, 0.05, -np.inf, np.inf, np.inf])[:, np.newaxis]
-    soon = ahead(since_s, slipping, t_s, 0.25, 5)[:, 0]
-    assert soon.tolist() == [np.inf, 0.05, 0.05, -np.inf, np.inf]  # none before it began
+    begun = ahead(since_s, slipping, t_s, 0.25, 5)[:, 0]
+    assert begun.tolist() == [0.05, 0.05, 0.05, np.inf, np.inf]  # later than the first scan, which claims it too early
+
+
+def test_a_slip_that_its_pattern_confirms_soon_is_known_before_it_begins() -> None:
+    t_s = 0.1 * np.arange(6.0)
+    slipping = np.array([1, 0, 0, 1, 1, 0], dtype=bool)[:, np.newaxis]
+    since_s = np.array([np.inf, -np.inf, -np.inf, np.inf, 0.3, -np.inf])[:, np.newaxis]
+    begun = ahead(since_s, slipping, t_s, 0.25, 6)[:, 0]
+    assert begun.tolist() == [np.inf, np.inf, 0.3, 0.3, 0.3, np.inf]
 
 
 @both

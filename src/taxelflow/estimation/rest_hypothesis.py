@@ -12,7 +12,8 @@ without a slide, is learned, and is a part of the covariance of poses that have 
 
 An object that has moved, and then stays, has a new reference; so has one that has moved so far that much of what is
 over the pad now was not before. A batch knows how an excursion from the reference goes on: if a slide explains it
-within 2 s, it was one from its beginning.
+within 2 s, it was one from its beginning, or from where the slip stage dates the begin of its slip. How far the load
+had shifted the pose by then stays in the covariance, see `HeldShift`.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.held_shift import HeldShift
 from taxelflow.estimation.sticking_poses import StickingPoses
 from taxelflow.messages import AMBIGUOUS, OK, Bools, Bytes, Floats, joined
 from taxelflow.numerics.bins import AHEAD_S
@@ -123,10 +125,12 @@ class RestHypothesis:
         self._moved, self._far = np.zeros((2, pads), dtype=np.bool_)
         self._excursion = np.zeros(pads, dtype=np.int64)
         self._rows: list[_Rows] = []
+        self._held = HeldShift(pads)
         none = np.zeros((0, pads, 2))
         _widen(
             none,
             none,
+            np.zeros((0, pads, 2, 2)),
             np.zeros((0, pads, 2, 2)),
             np.zeros((0, pads), np.bool_),
             self._pitch_m,
@@ -158,23 +162,27 @@ class RestHypothesis:
             shifted[scan] = self._shifted
         self._rows.append(_Rows(slips.t_s, origin_m, shifted, moved, excursion))
 
-    def doubted(self, slips: Slips, sticks: Bools | None) -> Slips:
+    def doubted(self, slips: Slips, sticks: Bools | None, begun_s: Floats | None) -> Slips:
         """The oldest scans of `step` whose poses were not given out yet, with the covariance that rest asks for.
 
-        sticks: (scans, pads), see `StickingPoses`; None where no shear is measured.
+        sticks: (scans, pads), see `StickingPoses`; None where no shear is measured. begun_s: (scans, pads), see
+        `Judged`; None in streams.
         """
         count = len(slips)
         if not self._doubts or not count:
             return slips
         rows = joined(self._rows)
         self._rows = [rows.after(count)] if len(rows.t_s) > count else []
-        moved = _in_time(rows, self._ahead_s)[:count] if self._ahead_s else rows.moved
         covariance, quality, origin_m = slips.covariance.copy(), slips.quality.copy(), rows.origin_m[:count]
+        moved, held = rows.moved[:count], np.zeros((count, len(self._pitch_m), 2, 2))
+        if begun_s is not None:
+            slides, later = begun_s <= slips.t_s[:, np.newaxis], np.isfinite(begun_s)
+            held = self._held.step(slips.pose[..., :2] - origin_m, slides, moved, rows.excursion[:count])
+            moved = moved | (_in_time(rows, self._ahead_s)[:count] & (slides | ~later))
         if sticks is not None:
             origin_m = np.where(sticks[..., np.newaxis], self._sticking.touched(slips), origin_m)
             moved = moved & ~sticks
-        places = slips.pose[..., :2], origin_m, rows.shifted[:count]
-        _widen(*places, moved, self._pitch_m, covariance, quality)
+        _widen(slips.pose[..., :2], origin_m, rows.shifted[:count], held, moved, self._pitch_m, covariance, quality)
         slips = replace(slips, covariance=covariance, quality=quality)
         return slips if sticks is None else self._sticking.held(slips, origin_m, sticks)
 
@@ -253,13 +261,15 @@ def _widen(
     place_m: Floats,
     origin_m: Floats,
     shifted: Floats,
+    held: Floats,
     moved: Bools,
     pitch_m: Floats,
     covariance: Floats,
     quality: Bytes,
 ) -> None:
     """Add to covariances (scans, pads, 3, 3) the distance of places (scans, pads, 2) from their references, or, where
-    they have moved (scans, pads), what the load does to them; quality (scans, pads) follows. pitch_m: (pads,).
+    they have moved (scans, pads), what the load does to them, shifted (scans, pads, 2, 2); quality (scans, pads)
+    follows. held: (scans, pads, 2, 2), see `HeldShift`. pitch_m: (pads,).
     """
     for scan in range(len(place_m)):
         for pad in range(len(pitch_m)):
@@ -271,6 +281,8 @@ def _widen(
             xx, yy, xy = x * x, y * y, x * y
             if moved[scan, pad]:
                 xx, yy, xy = more[0, 0], more[1, 1], more[0, 1]
+            more = held[scan, pad]
+            xx, yy, xy = xx + more[0, 0], yy + more[1, 1], xy + more[0, 1]
             own[0, 0] += xx
             own[1, 1] += yy
             own[0, 1] += xy

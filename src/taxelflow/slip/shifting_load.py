@@ -63,8 +63,9 @@ class _Pattern:
 
 
 class Consent(NamedTuple):
-    """Of the pattern to slips by the pose, (scans, pads) each. since_s: since when it consents to one that goes on; inf
-    where it does not. rests: whether rest explains the change clearly better, since that slip began or it last did.
+    """Of the pattern to slips by the pose, (scans, pads) each. since_s: when one that goes on began, as far as it
+    consents; inf where it does not, -inf without a slip. rests: whether rest explains the change clearly better, since
+    that slip began or it last did.
     """
 
     since_s: Floats
@@ -86,6 +87,11 @@ class _Claim:
     since_s: float = np.inf
     shown: bool = False
     rests: bool = False
+
+    @property
+    def begun_s(self) -> float:
+        """When the slip began; inf without consent."""
+        return max(self.onset_s, self.since_s)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,7 +159,7 @@ class ShiftingLoad:
             resumed = before is not None and before.onset_s == event.onset_s  # its end was withdrawn
             claim = before if before is not None and resumed else self._claimed(pad, event)
             self._claims[pad] = claim
-        self._since_s[pad] = self._claims[pad].since_s if pad in self._claims else -np.inf
+        self._since_s[pad] = self._claims[pad].begun_s if pad in self._claims else -np.inf
         self._rests[pad] = pad in self._claims and self._claims[pad].rests
 
     def _claimed(self, pad: int, event: Event) -> _Claim:
@@ -200,7 +206,7 @@ class ShiftingLoad:
                 claim.since_s, claim.rests = min(claim.since_s, claim.rested_s), False
             elif claim.rests:
                 claim.before, claim.rested_s = now, now.until_s
-            self._since_s[pad], self._rests[pad] = claim.since_s, claim.rests
+            self._since_s[pad], self._rests[pad] = claim.begun_s, claim.rests
 
     def _compare(self, pad: int, claim: _Claim, before: _Pattern, now: _Pattern, noise: Floats) -> None:
         """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?"""
@@ -240,17 +246,19 @@ def _follow(displacement: Floats, path_m: Floats, out: Floats) -> None:
 
 
 def ahead(since_s: Floats, slipping: Bools, t_s: Floats, within_s: float, count: int) -> Floats:
-    """(count, pads), since when a pattern consents to a slip by the pose that goes on, as known within a time from each
-    scan; inf where it does not, or not yet.
+    """(count, pads), when a slip by the pose began that goes on, or else when the next one begins, if its pattern
+    consents within a time from the scan; inf where none does. Later than the scan, too, where the pose claims a slip
+    too early.
 
     since_s, slipping: (scans, pads), of these scans and later ones; t_s: (scans,).
     """
     soon = np.empty_like(since_s)
-    next_s, since = (np.full(since_s.shape[1], np.inf) for _ in range(2))
+    own_s, own, next_s, coming = (np.full(since_s.shape[1], np.inf) for _ in range(4))
     for scan in range(len(since_s) - 1, -1, -1):
-        consents = since_s[scan] < np.inf
-        next_s = np.where(slipping[scan], np.where(consents, t_s[scan], next_s), np.inf)
-        since = np.where(consents, since_s[scan], since)
-        begun = (next_s <= t_s[scan] + within_s) & (since <= t_s[scan])
-        soon[scan] = np.where(slipping[scan], np.where(begun, since, np.inf), -np.inf)
+        consents = slipping[scan] & (since_s[scan] < np.inf)
+        own_s = np.where(slipping[scan], np.where(consents, t_s[scan], own_s), np.inf)
+        own = np.where(consents, since_s[scan], own)
+        next_s, coming = np.where(consents, t_s[scan], next_s), np.where(consents, since_s[scan], coming)
+        latest_s = t_s[scan] + within_s
+        soon[scan] = np.where(own_s <= latest_s, own, np.where(next_s <= latest_s, coming, np.inf))
     return soon[:count]

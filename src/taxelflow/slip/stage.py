@@ -39,7 +39,8 @@ class Judged:
     change of the pattern; NaN where unknown. statistic: (scans, pads), that which decides, over its threshold: above 1
     it slips. It is that of the pose, on restless pads the odds; NaN where a scan was not tested. events: those that are
     complete, in time order; of a recording later than their scans, as slips wait for their end. sticks: (scans, pads),
-    see `Sticking`; None where no shear is measured.
+    see `Sticking`; None where no shear is measured. begun_s: (scans, pads), when the slip by the pose that goes on
+    began, as its pattern dates it, or begins that follows within 2 s; inf without one. None in streams.
     """
 
     slipping: Bools
@@ -47,6 +48,7 @@ class Judged:
     statistic: Floats
     events: list[Event]
     sticks: Bools | None = None
+    begun_s: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.slipping)
@@ -143,7 +145,7 @@ class SlipStage:
         decisive = odds.log_odds
         if self._ahead_s:
             decisive = self._begun.step(odds, flags & (slips.quality[: len(flags)] == OK), slips.t_s)
-        soon_s = ahead(since_s, flags, slips.t_s, self._ahead_s, count) if self._ahead_s else since_s
+        soon_s, begun_s = self._dated(since_s, flags, slips.t_s, count)
         if self._sheared:
             soon_s = np.where(odds.soon > 0.0, np.fmin(soon_s, slips.t_s[:count, np.newaxis]), soon_s)
         self._since_s = [since_s[count:]] if len(since_s) > count else []
@@ -162,7 +164,15 @@ class SlipStage:
             statistic = np.where(odds.restless, np.exp(np.clip(decisive, -_MOST_LOG, _MOST_LOG)), statistic)
         sticks = self._sticking.step(slips.contact, slipping, odds.log_odds) if self._sheared else None
         events = [*complete, *self._completed.finish()] if last else complete
-        return Judged(slipping, odds.log_odds, statistic, events, sticks)
+        return Judged(slipping, odds.log_odds, statistic, events, sticks, begun_s)
+
+    def _dated(self, since_s: Floats, flags: Bools, t_s: Floats, count: int) -> tuple[Floats, Floats | None]:
+        """Since when the patterns of the oldest scans consent, see `Posed`, and `Judged.begun_s`."""
+        if not self._ahead_s:
+            return since_s, None
+        begun_s = ahead(since_s, flags, t_s, self._ahead_s, count)
+        known_s = np.where(begun_s <= t_s[:count, np.newaxis], begun_s, np.inf)
+        return np.where(flags[:count], known_s, -np.inf), begun_s
 
     def _lost(self, count: int) -> Floats | None:
         """The oldest losses at borders, of this many scans."""
