@@ -22,5 +22,6 @@ def test_the_scale_is_a_round_length_of_an_eighth_of_the_width_or_more(wide_mm: 
 
 def test_thousands_of_pascals_are_shown_in_kilopascals() -> None:
     assert pressure_unit("Pa", 5e3) == (1e3, "kPa")
-    assert pressure_unit("Pa", 1e3) == (1.0, "Pa")
+    assert pressure_unit("Pa", 1.46e3) == (1e3, "kPa")
+    assert pressure_unit("Pa", 999.0) == (1.0, "Pa")
     assert pressure_unit("count", 5e3) == (1.0, "count")

@@ -95,7 +95,7 @@ def caption(figure: Figure, text: str) -> None:
 
 def pressure_unit(unit: str, most: float) -> tuple[float, str]:
     """What to divide pressures up to `most` by, and their unit then: kPa instead of thousands of Pa."""
-    return (1e3, "kPa") if unit == "Pa" and most > 2e3 else (1.0, unit)
+    return (1e3, "kPa") if unit == "Pa" and most >= 1e3 else (1.0, unit)
 
 
 def save(figure: Figure, path: Path) -> Path:
