@@ -70,6 +70,12 @@ def log_ticks(axis: Any, at: Sequence[float] = ()) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.{2 if at else 3}g}"))
 
 
+def widened(ends: tuple[float, float], least: float) -> tuple[float, float]:
+    """Limits of a log axis about the same middle, of which the upper one is at least this many times the lower one."""
+    more = max(least * ends[0] / ends[1], 1.0) ** 0.5
+    return ends[0] / more, ends[1] * more
+
+
 def pale(colour: str) -> tuple[float, ...]:
     """A quarter of a colour on white, under text."""
     from matplotlib.colors import to_rgb
