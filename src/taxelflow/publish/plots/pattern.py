@@ -104,7 +104,7 @@ def pattern_figure(layout: Layout, contact: Contact, start_s: float) -> Figure:
 
 
 def _title(contact: Contact, start_s: float) -> str:
-    begin, end = contact.t_s[0] - start_s, contact.t_s[-1] - start_s
+    begin, end = max(contact.t_s[0] - start_s, 0.0), contact.t_s[-1] - start_s  # never -0.0
     return f"Pattern of the object on {contact.pattern.pad}, contact of {end - begin:.1f} s from {begin:.1f} s on"
 
 
