@@ -13,7 +13,18 @@ from taxelflow.publish.plots.hand import draw_hand
 from taxelflow.publish.plots.marks import draw_arrow, draw_scale, draw_taxels, show_box
 from taxelflow.publish.plots.names import free_places, write_names
 from taxelflow.publish.plots.outlines import box_mm, extent_mm, on_hand_mm
-from taxelflow.publish.plots.style import BLUE, GREEN, GREY, INK, MAGENTA, SLIP, VERMILION, pressure_unit, tick_step
+from taxelflow.publish.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    MAGENTA,
+    SLIP,
+    VERMILION,
+    pressure_unit,
+    three_digits,
+    tick_step,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -198,7 +209,7 @@ class _Moving:
         draw_arrow(hand, (x, y), tip, VERMILION, 2.0)
         hand.annotate(f"{speed:g} mm/s", (x, y), (0, 4), textcoords="offset points", fontsize=7)
         scale, unit = pressure_unit(self._film.unit, self._top)
-        shade = f"pressure: darkest at {self._top / scale:.3g} {unit} or more"
+        shade = f"pressure: darkest at {three_digits(self._top / scale)} {unit} or more"
         seen = "arrows: orange where the pad slips, else grey"
         words.text(0, 0.0, f"{shade}\n{seen}", fontsize=7, color=INK, linespacing=1.4)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.publish.plots.pattern import SHOWN
-from taxelflow.publish.plots.style import INK, UNSEEN, caption, pressure_unit
+from taxelflow.publish.plots.style import INK, UNSEEN, caption, pressure_unit, three_digits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,7 +55,7 @@ def patterns_figure(
         axis.set_aspect("equal")
         scale, shown = pressure_unit(unit, top)
         axis.set_title(
-            f"{one.pad}\n{one.t_first_s - start_s:.1f} s, {one.scans} scans\npeak {top / scale:.3g} {shown}",
+            f"{one.pad}\n{one.t_first_s - start_s:.1f} s, {one.scans} scans\npeak {three_digits(top / scale)} {shown}",
             fontsize=6.5, fontweight="normal", color=INK, pad=2,
         )  # fmt: skip
     count = f"{len(chosen)} of {len(patterns)}" if len(chosen) < len(patterns) else f"All {len(chosen)}"

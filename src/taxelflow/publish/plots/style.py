@@ -101,7 +101,12 @@ def caption(figure: Figure, text: str) -> None:
 
 def pressure_unit(unit: str, most: float) -> tuple[float, str]:
     """What to divide pressures up to `most` by, and their unit then: kPa instead of thousands of Pa."""
-    return (1e3, "kPa") if unit == "Pa" and most >= 1e3 else (1.0, unit)
+    return (1e3, "kPa") if unit == "Pa" and most >= 1e3 else (1.0, "counts" if unit == "count" else unit)
+
+
+def three_digits(value: float) -> str:
+    """A number with three digits, those before the point all, and without an exponent: counts have four."""
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
 def save(figure: Figure, path: Path) -> Path:
