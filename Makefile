@@ -227,11 +227,12 @@ pictures: $(READY)
 	$(TAXELFLOW) estimate demo/stroke.npz --method template --out demo/template
 	$(TAXELFLOW) plot demo/lnorm demo/convolution demo/template --out docs/pictures
 	$(TAXELFLOW) figures --out demo/figures --strokes 100
-	cp demo/figures/fig7-rotation.svg demo/figures/error-over-position.svg docs/pictures/
+	cp demo/figures/fig7-rotation.svg demo/figures/error-over-position.svg demo/figures/spread-field.svg docs/pictures/
 	$(TAXELFLOW) simulate slide-and-turn --out demo/slide.npz
 	$(TAXELFLOW) estimate demo/slide.npz --method template --out demo/slide
 	$(TAXELFLOW) plot demo/slide
 	cp demo/slide/pattern-finger2_proximal.svg docs/pictures/pattern.svg
+	$(TAXELFLOW) design --trials 100 --plot docs/pictures/design.svg
 	rm docs/pictures/path-*.svg docs/pictures/pattern-palm*.svg docs/pictures/patterns-*.svg
 
 # Resolve anew, then pin what was resolved. Lines are name==version and nothing else.

@@ -57,9 +57,7 @@ def shoot(recording: Path, method: str, out: Path, *, light: bool = False, flat:
             camera = browsed.client.camera
             found = page.scene.frame(page.direction(), camera.image_width / camera.image_height)
             camera.position, camera.look_at = found.position, found.look_at
-            note = browsed.tab.get_by_text("Software WebGL")
-            note.wait_for()
-            browsed.tab.locator(".mantine-Notification-closeButton").first.click()
+            browsed.tab.add_style_tag(content=".mantine-Notification-root { display: none; }")  # drawn in software
             browsed.tab.wait_for_timeout(2500)
             browsed.tab.screenshot(path=out, timeout=60000)
             print(out, browsed.errors)

@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from rigged import svg_words
 from taxelflow.control.baselines import Constant
 from taxelflow.errors import ExtraMissing, GraphicsMissing
 from taxelflow.evaluation.control import Course
 from taxelflow.evaluation.control_film import film_course
-from taxelflow.evaluation.control_plot import headline
+from taxelflow.evaluation.control_plot import headline, plot_course
 from taxelflow.simulation.mujoco.camera import Arrow, Camera
 from taxelflow.simulation.mujoco.events import EVENTS
 from taxelflow.simulation.mujoco.gripper import Gripper
@@ -29,6 +30,12 @@ def test_a_headline_states_what_happens_with_its_numbers(event: str) -> None:
     line = headline(trial)
     assert line.startswith("A bumpy block ")
     assert f"{1e3 * trial.held.mass_kg:.0f} g" in line
+
+
+def test_a_course_is_drawn_with_units_and_the_line_is_explained(tmp_path: Path) -> None:
+    for event, word in (("pour", "time in s; line: the load begins to change"), ("none", "time in s")):
+        course = Course(Trial.drawn(1, "ball", event), Constant(), end_s=0.83)
+        assert {"force in N", "slid in mm", word} <= set(svg_words(plot_course(course, tmp_path / "a.svg")))
 
 
 @pytest.mark.long

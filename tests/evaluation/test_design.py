@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rigged import svg_words
 from taxelflow.cli import main
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.design import Design, Skin, lattice
@@ -55,6 +56,14 @@ def test_the_picture_of_a_round_object_has_no_turn(tmp_path: Path) -> None:
     drawn = draw_design(rows, tmp_path / "d.svg").read_text()
     assert "Error of the translation" in drawn
     assert "Error of the turn" not in drawn
+
+
+def test_the_picture_names_what_it_leaves_out(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    several = Design(pitch_mm=(8.0,), layouts=("square",), shapes=("round", "bar"), trials=1).run().rows
+    words = " ".join(svg_words(draw_design(several, tmp_path / "d.svg")))
+    assert "The first of 2 combinations of object, noise and rate. Object: round" in words
+    assert "square taxels" in words
 
 
 def test_bad_options_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:

@@ -55,6 +55,17 @@ def test_a_film_holds_the_recording_scan_by_scan(film: Film) -> None:
     np.testing.assert_allclose(film.load[:, palm], film.pressure[:, film.layout.of_pad(palm)].sum(axis=1), rtol=1e-6)
 
 
+def test_a_frame_names_pads_and_states_the_scale_of_pressures_and_arrows(film: Film) -> None:
+    with styled():
+        next(film_frames(film, [6.0]))
+        hand, words, *_ = plt.gcf().axes
+    assert set(film.layout.pads[: film.layout.pad_count]) <= {text.get_text() for text in hand.texts}
+    assert any(text.get_text().endswith(" mm/s") for text in hand.texts)
+    assert any(
+        text.get_text().startswith("pressure: darkest at 8") and " kPa" in text.get_text() for text in words.texts
+    )
+
+
 def test_pads_that_nothing_touches_have_no_load(film: Film) -> None:
     with styled():
         _, axis = plt.subplots()

@@ -103,6 +103,15 @@ def test_key_scans_are_those_of_slips_and_of_the_largest_load(page: str) -> None
             assert any(first <= scan["t_s"] <= last for first, last in slipping)
 
 
+def test_arrows_of_all_key_scans_have_one_scale(page: str) -> None:
+    scans = [scan for scan in charts(page)[0]["scans"] if scan["arrows"]]
+    drawn = [max(float(np.hypot(*arrow[2:4])) for arrow in scan["arrows"]) for scan in scans]
+    speeds = [float(re.findall(r"longest arrow ([\d.]+) mm/s", scan["title"])[0]) for scan in scans]
+    usual = drawn[0] / speeds[0] * float(np.median(speeds))
+    assert len(set(speeds)) > 1
+    np.testing.assert_allclose(drawn, np.minimum(np.array(speeds) / np.median(speeds), 2.0) * usual, rtol=0.01)
+
+
 def test_the_sensor_is_checked_up(page: str) -> None:
     health = charts(page)[0]["health"]
     assert len(health["shades"]) == len(health["marks"]) == 162

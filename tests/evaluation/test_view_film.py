@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from browsed import installed_browser
-from rigged import refused
+from rigged import refused, rigged
 from taxelflow.acquire.base import Recording
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.view_film import Part, film_recording
-from taxelflow.pipeline.api import convert
+from taxelflow.pipeline.api import convert, read
 from taxelflow.publish.view.palette import DARK
+from taxelflow.simulation.simulate import save
 
 
 def test_the_scene_of_a_part_of_a_recording_is_filmed(stroke: Recording, tmp_path: Path) -> None:
@@ -28,6 +29,17 @@ def test_the_scene_of_a_part_of_a_recording_is_filmed(stroke: Recording, tmp_pat
     assert np.any(frames[0] != frames[1])
     edges = np.concatenate([frames[:, [0, -1]].reshape(-1, 3), frames[:, :, [0, -1]].reshape(-1, 3)])
     assert np.abs(edges.astype(int) - DARK.background).max() < 16  # the background fills the picture
+
+
+@pytest.mark.long
+def test_the_background_of_a_tall_hand_fills_its_film(tmp_path: Path) -> None:
+    from imageio.v3 import imread
+
+    installed_browser()
+    save(rigged("slide-and-turn"), tmp_path / "slide.npz")
+    film_recording(read(tmp_path / "slide.npz"), ("sum",), tmp_path / "scene.gif", Part(0.0, 0.1, fps=5.0))
+    frames = imread(tmp_path / "scene.gif").astype(int)
+    assert np.abs(frames[:, [0, -1]] - DARK.background).max() < 16
 
 
 def test_a_part_that_is_none_is_refused(stroke: Recording, tmp_path: Path) -> None:

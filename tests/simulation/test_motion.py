@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from taxelflow.simulation.motion import move
@@ -47,11 +47,15 @@ def test_the_centre_slides_along() -> None:
 
 
 @given(seeds)
+@example(20)
+@example(180)
 def test_slipping_is_true_where_and_only_where_the_pose_moves(seed: int) -> None:
     t_s = np.arange(0.0, STICK_SLIP.duration_s, 1e-3)
     path = move(STICK_SLIP, t_s, seed)
     moves = np.abs(np.diff(path.pose, axis=0)).max(axis=1) > 1e-15  # rounding alone moves a turned place
     inside = path.slipping[1:] == path.slipping[:-1]  # a step across a change holds some of both
+    end_s = STICK_SLIP.rest_s + STICK_SLIP.stick_slip_s
+    inside[np.searchsorted(t_s, end_s) - 1] = False  # the last slip is cut there, and may be shorter than a step
     np.testing.assert_array_equal(moves[inside], path.slipping[1:][inside])
     speed = np.hypot(*np.diff(path.pose[:, :2], axis=0).T) / 1e-3
     within = moves & path.slipping[1:] & path.slipping[:-1]

@@ -56,13 +56,17 @@ def draw_force(axis: Any, trial: Trial, seen: Sequence[Seen]) -> None:
         axis.fill_between(t_s, 0, 1, where=slips, **shade)
     _mark_event(axis, trial)
     axis.set_ylim(0.0, None)
-    axis.set_ylabel("force, N")
+    axis.set_ylabel("force in N")
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, fontsize=7, borderaxespad=0.1)  # above
+
+
+def _changes(trial: Trial) -> bool:
+    return trial.event not in {"none", "weak"}
 
 
 def _mark_event(axis: Any, trial: Trial) -> None:
     """A line where the load begins to change."""
-    if trial.event not in {"none", "weak"}:
+    if _changes(trial):
         axis.axvline(EVENT_S, color=GREY, linewidth=0.8)
 
 
@@ -71,5 +75,5 @@ def draw_slid(axis: Any, trial: Trial, seen: Sequence[Seen]) -> None:
     axis.plot([one.moment.truth.t_s for one in seen], [1e3 * one.slid_m for one in seen], color=GREEN)
     _mark_event(axis, trial)
     axis.set_ylim(0.0, max(1.0, 1.1e3 * max(one.slid_m for one in seen)))
-    axis.set_ylabel("slid, mm")
-    axis.set_xlabel("time, s")
+    axis.set_ylabel("slid in mm")
+    axis.set_xlabel("time in s" + ("; line: the load begins to change" if _changes(trial) else ""))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from taxelflow.publish.plots.style import BLUE, GREEN, GREY, INK, VERMILION, caption, log_ticks, save, styled
+from taxelflow.publish.plots.style import BLUE, GREEN, GREY, INK, VERMILION, caption, log_ticks, save, styled, widened
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,10 +16,12 @@ _QUANTITIES = (("translation", "mm", "bound_mm", "error_mm"), ("turn", "deg", "b
 _MARKS = (("square", BLUE, "s"), ("hexagonal", VERMILION, "h"), ("triangular", GREEN, "^"))
 _GUIDELINE = 10.0
 """Object over taxel, of the paper."""
+_LEAST_SPANS = (2.0, 5.0)
+"""Ends of the axes, over each other: with fewer taxels swept, points that lie side by side would look far apart."""
 
 
 def draw_design(rows: Sequence[DesignRow], path: Path) -> Path:
-    """Errors against object over taxel, a colour per layout, of the first shape, size, noise and rate.
+    """Errors against object over taxel, a colour per layout, of the first shape, size, noise and rate of the sweep.
 
     Raises ExtraMissing.
     """
@@ -36,8 +38,10 @@ def draw_design(rows: Sequence[DesignRow], path: Path) -> Path:
             _draw(axis, same, bound, error)
             axis.set_title(f"Error of the {title}")
             axis.set_ylabel(unit)
-        axes[0, 0].legend(title="taxels")
-        seen = (
+        handles, names = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, [f"{name} taxels" for name in names], loc="outside upper center", ncols=len(names))
+        kinds = len({_kind(row) for row in rows})
+        seen = (f"The first of {kinds} combinations of object, noise and rate. " if kinds > 1 else "") + (
             f"Object: {first.shape}, {first.size_mm:g} mm; noise {first.noise_percent:g} % of the largest pressure. "
             "Lines: Cramér-Rao bound of one scan, pattern known. "
             f"Points: RMS error of maximum-likelihood fits, {first.trials} random poses each."
@@ -56,7 +60,9 @@ def _draw(axis: Any, rows: Sequence[DesignRow], bound: str, error: str) -> None:
         ratio = [row.ratio for row in own]
         beside = [(1.0 + 0.015 * (number - 1)) * row.ratio for row in own]  # points of two layouts are seen apart
         if own:
-            axis.plot(ratio, [getattr(row, bound) for row in own], color=colour, linewidth=1.2)
+            alone = "_" if len(own) == 1 else None  # a line of one point would not be drawn
+            bounds = [getattr(row, bound) for row in own]
+            axis.plot(ratio, bounds, color=colour, linewidth=1.2, marker=alone, markersize=14)
             axis.plot(beside, [getattr(row, error) for row in own], mark, color=colour, markersize=5, label=layout)
     axis.set_xscale("log")
     axis.set_yscale("log")
@@ -69,3 +75,5 @@ def _draw(axis: Any, rows: Sequence[DesignRow], bound: str, error: str) -> None:
         textcoords="offset points", rotation=90, ha="right", va="top", fontsize=7, color=INK,
     )  # fmt: skip
     axis.set_xlabel("length of the object / taxel pitch")
+    axis.set_xlim(widened(axis.get_xlim(), _LEAST_SPANS[0]))
+    axis.set_ylim(widened(axis.get_ylim(), _LEAST_SPANS[1]))

@@ -84,6 +84,7 @@ def gathered(directory: Path, *, fps: float, speed: float, from_s: float, to_s: 
         [event for event in read_events(directory) if frames_s[0] - SAME_S <= event.t_s <= frames_s[-1] + SAME_S],
         frames_s,
         ran.t_first_s,
+        ran.unit,
     )
 
 

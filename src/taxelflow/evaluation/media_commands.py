@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from taxelflow.acquire.base import Recording
+    from taxelflow.acquire.devices.base import Source
     from taxelflow.publish.view.server import PageServer
 
 _METHOD = "convolution"
@@ -141,15 +142,16 @@ class View:
             load_sensor(self.sensor)  # an unknown one is refused before a page is there
         if self.film is not None:
             return self._film(self.film, methods)
+        source = self._source() if live else None  # and so is a source that cannot be
         with uncollected() as started:
             from taxelflow.publish.view.server import PageServer
 
             with PageServer(self.host, self.port) as server, _asked_to_end() as asked, quick_turns():
                 print(f"{server.url} (end with Ctrl-C)", flush=True)  # browsers load it, while the rest is imported
-                if live:
-                    self._serve_source(server, methods[0], asked, started)
-                else:
+                if source is None:
                     self._serve_recording(server, methods, asked, started)
+                else:
+                    self._serve_source(source, server, methods[0], asked, started)
         return 0  # interrupted: the way to end it
 
     def _serve_recording(
@@ -163,16 +165,23 @@ class View:
         finally:
             playing.close()
 
-    def _serve_source(self, server: PageServer, method: str, asked: Event, started: Callable[[], None]) -> None:
+    def _serve_source(
+        self, source: Source, server: PageServer, method: str, asked: Event, started: Callable[[], None]
+    ) -> None:
         from taxelflow.evaluation.view_live import view_source
-        from taxelflow.sensors.catalogue import load_sensor
 
-        sensor = None if self.sensor is None else load_sensor(self.sensor)
         started()
         signal.signal(signal.SIGINT, signal.default_int_handler)
         with suppress(KeyboardInterrupt):
             if not asked.is_set():
-                view_source(self.shown, sensor, method, self.contacts, server)
+                view_source(source, self.shown, method, self.contacts, server)
+
+    def _source(self) -> Source:
+        from taxelflow.acquire.devices.foreign import source_of
+        from taxelflow.runtime.addresses import parse_address
+        from taxelflow.sensors.catalogue import load_sensor
+
+        return source_of(parse_address(self.shown), None if self.sensor is None else load_sensor(self.sensor))
 
     def _film(self, out: Path, methods: tuple[str, ...]) -> int:
         from taxelflow.evaluation.view_film import Part, film_recording

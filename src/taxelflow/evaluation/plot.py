@@ -119,7 +119,8 @@ def _pictures(
         if track.pad in longest
     ]
     moments = _moments(result, recording)
-    return ResultPictures(result.ran.method, layout, tracks, contacts, moments, patterns, result.ran.unit)
+    ran = result.ran
+    return ResultPictures(ran.method, layout, tracks, contacts, moments, patterns, ran.unit, ran.t_first_s)
 
 
 def _contact(

@@ -30,9 +30,13 @@ _MOST_SCANS = 12
 """Key scans of a report at most."""
 _APART_S = 0.5
 """Key scans are at least this far apart."""
-_LONGEST = 0.18
-"""The longest arrow of a scan, as a share of the width of the picture."""
+_USUAL = 0.09
+"""An arrow of the median of the scans' fastest slips, as a share of the width of the picture; none is twice as long."""
 _GONE = "The recording is gone or has changed since: no scans to show."
+
+
+_Arrow = tuple[float, float, float, float, str]
+"""x, y in m and vx, vy in m/s on the hand, colour."""
 
 
 class Shown(NamedTuple):
@@ -117,13 +121,17 @@ def key_scans(
         return [], _GONE
     moments = _moments(shown, shown.label if len(results) > 1 else "")
     left, right, *_ = box_mm(layout, touched)
-    wide_mm = right - left
     found = pressure_at(shown.ran, recording, [moment.t_s for moment in moments])
-    return [
-        _scan(moment, found[moment.t_s], results, layout, shown.ran.t_first_s, wide_mm)
-        for moment in moments
-        if moment.t_s in found
-    ], "No scan of the recording has the time of a slip."
+    scans = [(moment, found[moment.t_s]) for moment in moments if moment.t_s in found]
+    arrows = [_arrows(moment, pressure, results, layout) for moment, pressure in scans]
+    fastest = [max((hypot(vx, vy) for _, _, vx, vy, _ in own), default=0.0) for own in arrows]
+    usual = float(np.median([speed for speed in fastest if speed > 0.0] or [1.0]))
+    usual_mm = _USUAL * (right - left)
+    drawn = [
+        _scan(moment, pressure[: layout.taxels], own, shown.ran.t_first_s, (usual_mm / usual, 2.0 * usual_mm))
+        for (moment, pressure), own in zip(scans, arrows, strict=True)
+    ]
+    return drawn, "No scan of the recording has the time of a slip."
 
 
 def _moments(shown: Shown, label: str) -> list[_Moment]:
@@ -155,10 +163,8 @@ def _slip(track: Track, span: tuple[int, int], shown: Shown) -> tuple[float, flo
     return 0.0, middle_s, track.pad, f"{track.pad} slips"
 
 
-def _scan(
-    moment: _Moment, pressure: Floats, results: Sequence[Shown], layout: Layout, zero_s: float, wide_mm: float
-) -> dict[str, Any]:
-    """A scan as the page draws it. Arrows: x, y, dx, dy in mm on the hand, colour."""
+def _arrows(moment: _Moment, pressure: Floats, results: Sequence[Shown], layout: Layout) -> list[_Arrow]:
+    """Slip vectors of a scan by all results."""
     arrows = []
     for result in results:
         own = {track.pad: track for track in result.tracks}
@@ -177,18 +183,25 @@ def _scan(
             (*place, *vector, result.colour)
             for place, vector in zip(places[known].tolist(), vectors[known].tolist(), strict=True)
         ]
+    return arrows
+
+
+def _scan(
+    moment: _Moment, pressure: Floats, arrows: Sequence[_Arrow], zero_s: float, scale: tuple[float, float]
+) -> dict[str, Any]:
+    """A scan as the page draws it. Arrows: x, y, dx, dy in mm on the hand, colour. scale: mm per m/s, and most mm."""
     fastest = max((hypot(vx, vy) for _, _, vx, vy, _ in arrows), default=0.0)
-    scale = _LONGEST * wide_mm / (fastest or 1.0)
     title = f"{moment.t_s - zero_s:.2f} s: {moment.caption}"
     if fastest:
         title += f"; longest arrow {1e3 * fastest:.3g} mm/s"
+    drawn = []
+    for x, y, vx, vy, colour in arrows:
+        times = min(scale[0], scale[1] / (hypot(vx, vy) or 1.0))
+        drawn.append([round(1e3 * x, 2), round(1e3 * y, 2), round(times * vx, 2), round(times * vy, 2), colour])
     return {
         "t_s": round(moment.t_s - zero_s, 3),
         "pad": moment.pad,
         "title": title,
-        "shades": shades(pressure[: layout.taxels]),
-        "arrows": [
-            [round(1e3 * x, 2), round(1e3 * y, 2), round(scale * vx, 2), round(scale * vy, 2), colour]
-            for x, y, vx, vy, colour in arrows
-        ],
+        "shades": shades(pressure),
+        "arrows": drawn,
     }

@@ -28,6 +28,9 @@ WIDTH, HEIGHT = 1280, 720
 """Pixels of a film."""
 _BORDER = 160
 """Of the window around the picture, pixels."""
+_FARTHER = 1.05
+"""Distance of the browser's own camera, over that of the film's. The background lies behind what the own one shows, and
+would end within a picture that shows more; at the same place, the page would fit it to the window."""
 _MOST_FRAMES = 10_000
 """Frames of a film at most: bounds its time and size."""
 
@@ -85,7 +88,10 @@ def _frames(page: Page, drawn: Any, times: Any) -> Iterator[Frame]:
         page.show_at(at_s)
         if not camera:
             found = page.scene.frame(page.direction(), WIDTH / HEIGHT)
-            drawn.camera.position, drawn.camera.look_at = found.position, found.look_at  # its background is behind
+            drawn.camera.position, drawn.camera.look_at = (
+                found.look_at + _FARTHER * (found.position - found.look_at),
+                found.look_at,
+            )
             camera = {"wxyz": found.wxyz, "position": found.position, "fov": FOV_RAD}
             drawn.get_render(HEIGHT, WIDTH, timeout=PATIENCE_S, **camera)  # the first one may lack its labels
         frame = drawn.get_render(HEIGHT, WIDTH, timeout=PATIENCE_S, **camera)

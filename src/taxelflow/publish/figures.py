@@ -53,7 +53,7 @@ class PadTracks:
 class ResultPictures:
     """What is drawn of one method's result. tracks: of the pads drawn. contacts: of each pad the one whose pattern was
     learned from most scans. moments: slip vectors over the hand, none unless several pads moved at once and one
-    slipped. patterns: of all contacts; unit: of their pressure.
+    slipped. patterns: of all contacts; unit: of their pressure. start_s: time that is shown as 0.
     """
 
     method: str
@@ -63,6 +63,7 @@ class ResultPictures:
     moments: list[Moment]
     patterns: list[LearnedPattern] = field(default_factory=list)
     unit: str = "Pa"
+    start_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,9 +128,9 @@ def _figures(pictures: Pictures) -> Iterator[tuple[str, Figure]]:
         yield f"position-{pad.pad}", position_figure(pad.tracks, shown, strokes, pad.events)
     for result in pictures.results:
         for contact in result.contacts:
-            yield f"pattern-{contact.pattern.pad}", pattern_figure(result.layout, contact)
+            yield f"pattern-{contact.pattern.pad}", pattern_figure(result.layout, contact, result.start_s)
         if len(result.patterns) > 1:
-            yield f"patterns-{result.method}", patterns_figure(result.patterns, result.unit)
+            yield f"patterns-{result.method}", patterns_figure(result.patterns, result.unit, result.start_s)
     for result in pictures.results:
         if result.tracks:
             yield f"path-{result.method}", path_figure(result.tracks, result.layout)

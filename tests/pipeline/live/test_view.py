@@ -149,8 +149,11 @@ def test_what_cannot_be_served_is_refused_before_an_address_is_printed(
     assert says in refused(capsys, "view", tmp_path / "stroke.npz", *words)
 
 
-def test_a_recording_that_is_missing_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_missing_is_one_line_without_an_address(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
     assert "does not exist" in refused(capsys, "view", tmp_path / "none.npz")
+    assert "does not exist" in refused(capsys, "view", f"replay:{tmp_path / 'none.npz'}")
+    assert "does not contain its sensor" in refused(capsys, "view", "tcp://127.0.0.1:1")
 
 
 def test_the_page_is_there_before_the_pipeline_is_imported() -> None:

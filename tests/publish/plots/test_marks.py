@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from taxelflow.publish.plots.marks import draw_scale, show_box
-from taxelflow.publish.plots.style import pressure_unit, styled
+from taxelflow.publish.plots.style import pressure_unit, styled, three_digits
 
 
 @pytest.mark.parametrize(("wide_mm", "words"), [(3.9, "0.5 mm"), (64.0, "10 mm"), (250.0, "50 mm")])
@@ -22,5 +22,7 @@ def test_the_scale_is_a_round_length_of_an_eighth_of_the_width_or_more(wide_mm: 
 
 def test_thousands_of_pascals_are_shown_in_kilopascals() -> None:
     assert pressure_unit("Pa", 5e3) == (1e3, "kPa")
-    assert pressure_unit("Pa", 1e3) == (1.0, "Pa")
-    assert pressure_unit("count", 5e3) == (1.0, "count")
+    assert pressure_unit("Pa", 1.46e3) == (1e3, "kPa")
+    assert pressure_unit("Pa", 999.0) == (1.0, "Pa")
+    assert pressure_unit("count", 5e3) == (1.0, "counts")
+    assert [three_digits(value) for value in (8192.4, 123.4, 12.345, 0.5)] == ["8192", "123", "12.3", "0.5"]

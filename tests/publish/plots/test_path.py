@@ -147,3 +147,11 @@ def test_contacts_without_positions_have_no_panel(tmp_path: Path) -> None:
     assert axis.get_title(loc="left") == "pad0"
     some.numbers["x_m"][:] = np.nan
     save(path_figure([some], LAYOUT), tmp_path / "a.png")
+
+
+def test_panels_show_ways_that_leave_the_pad_on_one_scale_for_all() -> None:
+    some = touches(8)
+    some.numbers["x_m"] += 0.032  # the pad ends at 35 mm
+    axes = [axis for axis in path_figure([some], LAYOUT).axes if axis.get_title(loc="left")]
+    assert axes[-1].get_xlim()[1] > 39.0
+    assert len({round(float(np.ptp(axis.get_xlim())), 6) for axis in axes}) == 1

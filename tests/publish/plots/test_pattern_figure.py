@@ -11,6 +11,7 @@ from synthetic import dome, grid_sensor
 from tabled import hexagonal, table_sensor
 from taxelflow.messages import LearnedPattern
 from taxelflow.publish.plots.pattern import Contact, pattern_figure
+from taxelflow.publish.plots.patterns import patterns_figure
 from taxelflow.publish.plots.style import save, styled
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def contact() -> Contact:
 
 def words(contact: Contact, path: Path) -> list[str]:
     with styled():
-        return svg_words(save(pattern_figure(SENSOR.layout, contact), path / "pattern.svg"))
+        return svg_words(save(pattern_figure(SENSOR.layout, contact, 0.0), path / "pattern.svg"))
 
 
 def test_a_pattern_stands_beside_a_scan_its_way_and_its_turn(contact: Contact, tmp_path: Path) -> None:
@@ -50,7 +51,7 @@ def test_the_turn_counts_from_its_first_known_value(contact: Contact) -> None:
     turned = np.array([0.0, 0.0, 0.7])
     moved = replace(contact, pose=pose + turned, axis_rad=0.4 * contact.t_s + 0.7, true=contact.pose + turned)
     with styled():
-        turn = pattern_figure(SENSOR.layout, moved).axes[-1]
+        turn = pattern_figure(SENSOR.layout, moved, 0.0).axes[-1]
     lines = {line.get_label(): line.get_ydata() for line in turn.lines}
     known = np.degrees(0.4 * (contact.t_s - contact.t_s[3]))
     np.testing.assert_allclose(lines["template"][3:], known[3:], atol=1e-9)
@@ -93,6 +94,16 @@ def test_taxels_of_a_table_are_drawn_where_they_lie(contact: Contact) -> None:
     table = table_sensor(hexagonal(2, 0.004))
     image = table.layout.grid(0, np.arange(19.0))
     with styled():
-        drawn = pattern_figure(table.layout, replace(contact, scan=image)).axes[0].collections[0]
+        drawn = pattern_figure(table.layout, replace(contact, scan=image), 0.0).axes[0].collections[0]
     middles = 1e-3 * np.array([path.vertices[:-1].mean(axis=0) for path in drawn.get_paths()])
     np.testing.assert_allclose(middles, np.stack([table.layout.x_m, table.layout.y_m], axis=1), atol=1e-9)
+
+
+def test_times_of_contacts_count_from_the_first_scan_as_those_of_positions_do(contact: Contact) -> None:
+    later = replace(contact, t_s=contact.t_s + 7.0)
+    patterns = [replace(contact.pattern, t_first_s=begin) for begin in (7.0, 10.5)]
+    with styled():
+        title = pattern_figure(SENSOR.layout, later, 5.0).get_suptitle()
+        panels = [axis.get_title(loc="left") for axis in patterns_figure(patterns, "Pa", 5.0).axes]
+    assert title == "Pattern of the object on pad0, contact of 2.0 s from 2.0 s on"
+    assert [panel.split("\n")[1] for panel in panels] == ["2.0 s, 20 scans", "5.5 s, 20 scans"]

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -74,6 +74,13 @@ def test_curved_skin_is_shown_in_space_too() -> None:
     assert [axis.name for axis in sensor_figure(table_sensor(hexagonal(2))).axes] == ["rectilinear"]
 
 
+def test_each_axis_in_space_has_two_ticks_or_more() -> None:
+    space: Any = sensor_figure(load_sensor("icub-fingertip-12")).axes[1]
+    for one in (space.xaxis, space.yaxis, space.zaxis):
+        low, high = one.get_view_interval()
+        assert sum(low <= tick <= high for tick in one.get_majorticklocs()) >= 2
+
+
 def words(axis: Axes) -> list[str]:
     return [text.get_text() for text in axis.texts if text.get_text() and not text.get_text().isdigit()]
 
@@ -87,6 +94,13 @@ def test_pads_without_a_place_in_the_hand_stand_in_rows_at_one_scale() -> None:
     apart = np.linalg.norm(at[:, np.newaxis, :, np.newaxis] - at[:, np.newaxis], axis=-1).min(axis=(2, 3))
     assert (apart + np.diag(np.full(7, np.inf)) > 0).all()
     np.testing.assert_allclose(np.ptp(at, axis=1), np.tile(np.ptp(at[0], axis=0), (7, 1)))
+
+
+def test_the_bar_of_length_and_its_number_cover_no_taxel() -> None:
+    (axis,) = sensor_figure(grid_sensor(40, 12, pads=6)).axes
+    (number,) = (text for text in axis.texts if text.get_text().endswith(" mm"))
+    taxels = [path.get_extents(axis.transData) for item in axis.collections for path in item.get_paths()]
+    assert number.get_window_extent().y1 < min(taxel.y0 for taxel in taxels)
 
 
 def test_pads_of_one_finger_stand_in_one_row() -> None:

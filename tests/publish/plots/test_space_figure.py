@@ -39,6 +39,7 @@ def test_a_hand_that_is_open_has_a_map_with_its_distortion() -> None:
     assert [axis.name for axis in figure.axes] == ["3d", "rectilinear"]
     assert all(set(hand.names) <= words(axis) for axis in figure.axes)
     assert "1.00 to 1.00 times" in figure.get_supxlabel()
+    assert [axis.get_ylabel() for axis in figure.axes] == ["y in mm", "y on the map in mm"]
 
 
 def test_a_sensor_without_a_hand_is_told_to_leave_the_angles_out() -> None:

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 from taxelflow.errors import ExtraMissing
-from taxelflow.publish.plots.style import LOOK, look, save, styled
+from taxelflow.publish.plots.style import LOOK, look, save, styled, widened
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -81,3 +81,8 @@ def test_methods_differ_in_label_colour_and_mark() -> None:
     for part in ("label", "color", "marker"):
         assert len({style[part] for style in looks}) == len(looks)
     assert looks[-1]["label"] == "another"
+
+
+def test_a_log_axis_is_widened_about_its_middle_only_where_it_is_short() -> None:
+    assert widened((4.0, 4.0), 4.0) == (2.0, 8.0)
+    assert widened((1.0, 9.0), 4.0) == (1.0, 9.0)

@@ -1,9 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
+from unittest.mock import MagicMock
+
 import numpy as np
 
 from taxelflow.messages import Event
-from taxelflow.publish.view.strip import bars_of, strip_svg
+from taxelflow.publish.view.player import Player
+from taxelflow.publish.view.strip import Strip, bars_of, strip_svg
 
 EVENTS = [
     Event(1.0, "palm", "contact"),
@@ -18,6 +22,15 @@ EVENTS = [
 def test_contacts_and_slips_are_bars_from_begin_to_end() -> None:
     found = [(bar.lane, bar.from_s, round(bar.to_s, 6)) for bar in bars_of(EVENTS, 5.0)]
     assert found == [("palm", 1.0, 3.0), ("thumb", 4.0, 5.0), ("palm", 2.0, 2.45), ("thumb", 2.6, 2.8)]
+
+
+def test_a_slip_that_is_suspected_again_is_listed_once() -> None:
+    gui = MagicMock()
+    strip = Strip(gui, Player(0.0, 5.0))
+    strip.list([*EVENTS, replace(EVENTS[3], t_s=2.9)])
+    assert gui.add_dropdown.return_value.options == ("2.000 s palm", "2.600 s thumb?")
+    strip.show(0.0)
+    assert gui.add_button_group.return_value.options == ("previous", "next", "2.000 s palm", "2.600 s thumb?")
 
 
 def test_the_strip_marks_the_time_that_is_shown() -> None:

@@ -11,11 +11,23 @@ from numpy.typing import NDArray
 from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.hand import draw_hand
 from taxelflow.publish.plots.marks import draw_arrow, draw_scale, draw_taxels, show_box
+from taxelflow.publish.plots.names import free_places, write_names
 from taxelflow.publish.plots.outlines import box_mm, extent_mm, on_hand_mm
-from taxelflow.publish.plots.style import BLUE, GREEN, GREY, INK, MAGENTA, SLIP, VERMILION, tick_step
+from taxelflow.publish.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    MAGENTA,
+    SLIP,
+    VERMILION,
+    pressure_unit,
+    three_digits,
+    tick_step,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -43,6 +55,8 @@ class _Layout:
     idle: float = 0.05
     """Load, over the largest one, up to which a pad without an event is left out: it is noise."""
     gap_mm: float = 8.0
+    name: float = 7.0
+    """Names of pads, points."""
 
 
 _LAYOUT = _Layout()
@@ -56,7 +70,7 @@ class Film:
 
     t_s: (n,). pressure: (n, taxels). places, vectors: (n, pads, 2) in the hand frame of `layout`, m and m/s, NaN where
     there is no slip vector. slipping: (n, pads). load: (n, pads). events: all of these times. frames_s: times of the
-    frames; zero_s: the time that is shown as 0.
+    frames; zero_s: the time that is shown as 0. unit: of the pressure.
     """
 
     title: str
@@ -70,6 +84,7 @@ class Film:
     events: list[Event]
     frames_s: Floats
     zero_s: float
+    unit: str = "Pa"
 
 
 def on_one_plane(layout: Layout) -> Layout:
@@ -183,6 +198,7 @@ class _Moving:
         self._clock = words.text(0, 0.98, "", fontsize=15, va="top", family="monospace", animated=True)
         self._seen = words.text(0, 0.80, "", fontsize=8, va="top", color=INK, linespacing=1.5, animated=True)
         self._draw_key(hand, words)
+        _name_pads(hand, film.layout, placed)
 
     def _draw_key(self, hand: Axes, words: Axes) -> None:
         """An arrow of a round speed beside the scale of length, and what the colours mean."""
@@ -192,7 +208,10 @@ class _Moving:
         tip = (x + 1e-3 * speed * _LAYOUT.longest * self._wide_mm / self._fastest, y)
         draw_arrow(hand, (x, y), tip, VERMILION, 2.0)
         hand.annotate(f"{speed:g} mm/s", (x, y), (0, 4), textcoords="offset points", fontsize=7)
-        words.text(0, 0.0, "arrows: orange where the pad slips, else grey", fontsize=7, color=INK)
+        scale, unit = pressure_unit(self._film.unit, self._top)
+        shade = f"pressure: darkest at {three_digits(self._top / scale)} {unit} or more"
+        seen = "arrows: orange where the pad slips, else grey"
+        words.text(0, 0.0, f"{shade}\n{seen}", fontsize=7, color=INK, linespacing=1.4)
 
     def at(self, t_s: float) -> list[tuple[Axes, Any]]:
         """Axes and artists to draw at a time."""
@@ -226,6 +245,14 @@ class _Moving:
         self._shafts.set_color(colours)
         self._heads.set_verts(list(corners))
         self._heads.set_color(colours)
+
+
+def _name_pads(axis: Axes, layout: Layout, pads: Sequence[int]) -> None:
+    """Names beside the pads, if all of them have room there."""
+    shapes = [on_hand_mm(layout, pad).reshape(-1, 2) for pad in pads]
+    names = free_places(axis, shapes, [layout.pads[pad] for pad in pads], _LAYOUT.name)
+    if not any(name.covers for name in names):
+        write_names(axis, names, _LAYOUT.name)
 
 
 def _words(event: Event, zero_s: float) -> str:

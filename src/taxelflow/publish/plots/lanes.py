@@ -28,12 +28,18 @@ _CROWDED = 40
 """Events in a lane above which those that a bar shows too are not marked."""
 
 
-def draw_lanes(axis: Axes, tracks: Sequence[Track], events: Sequence[Sequence[Event]], start_s: float) -> None:
-    """Light bar: contact. Solid bar: slip. Marks: events, slips at their onset."""
+def draw_lanes(axis: Axes, tracks: Sequence[Track], events: Sequence[Sequence[Event]], start_s: float) -> set[str]:
+    """Light bar: contact, to its release. Solid bar: slip, since the scan before. Marks: events, slips at their onset.
+
+    Returns the kinds of events that are marked.
+    """
+    marked = set()
     for lane, track in enumerate(tracks):
         t_s, colour = track.numbers["t_s"] - start_s, look(track.method)["color"]
-        for flag, height, alpha in (("contact", 0.30, 0.25), ("slipping", 0.62, 0.95)):
-            bars = [(float(t_s[a]), float(t_s[b - 1] - t_s[a])) for a, b in spans(track.flags[flag])]
+        touching = [(t_s[a], t_s[min(b, len(t_s) - 1)]) for a, b in spans(track.flags["contact"])]
+        slipping = [(t_s[max(a - 1, 0)], t_s[b - 1]) for a, b in spans(track.flags["slipping"])]
+        for ends, height, alpha in ((touching, 0.30, 0.25), (slipping, 0.62, 0.95)):
+            bars = [(float(begin), float(end - begin)) for begin, end in ends]
             axis.broken_barh(bars, (lane - height / 2, height), facecolor=colour, alpha=alpha, linewidth=0)
         seen = events[lane] if lane < len(events) else ()
         for event in seen:
@@ -41,8 +47,10 @@ def draw_lanes(axis: Axes, tracks: Sequence[Track], events: Sequence[Sequence[Ev
                 marker, edge, size = _MARKS[event.event]
                 when = event.t_s if np.isnan(event.onset_s) else event.onset_s
                 axis.plot([when - start_s], [lane], marker=marker, markersize=size, color=edge, markeredgewidth=0.7)
+                marked.add(event.event)
     axis.set_yticks(range(len(tracks)), [track.method for track in tracks], fontsize=7)
     axis.set_ylim(len(tracks) - 0.45, -0.55)
     axis.grid(visible=False)
     axis.spines["left"].set_visible(False)
     axis.tick_params(axis="y", length=0)
+    return marked

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from taxelflow.messages import Floats
     from taxelflow.publish.plots.marks import Box
     from taxelflow.publish.results import Track
     from taxelflow.sensors.layout import Layout
@@ -54,15 +55,14 @@ def _panels(contacts: Sequence[_Contact], layout: Layout, most: int = 60, across
     chosen = heapq.nlargest(most, contacts, key=lambda contact: contact.path_mm)
     chosen.sort(key=lambda contact: float(contact.t_s[0]))
     start_s = min(float(contact.track.numbers["t_s"][0]) for contact in chosen)
-    boxes = [extent_mm(layout, layout.pads.index(contact.track.pad)) for contact in chosen]
+    widest = max(np.ptp(extent_mm(layout, layout.pads.index(contact.track.pad))[:2]) for contact in chosen)
+    boxes = [_box_mm(layout, contact.track.pad, contact.at_mm) for contact in chosen]
     wide, high = max(box[1] - box[0] for box in boxes), max(box[3] - box[2] for box in boxes)
     cols = min(across, len(chosen))
     rows = -(-len(chosen) // cols)
     width = 10.5 / cols
     height = float(np.clip(width * high / wide, 0.5, 2.2)) + 0.34
-    figure, axes = plt.subplots(
-        rows, cols, squeeze=False, figsize=(10.5, rows * height + 0.7), layout="constrained", sharex=True, sharey=True
-    )
+    figure, axes = plt.subplots(rows, cols, squeeze=False, figsize=(10.5, rows * height + 0.7), layout="constrained")
     for axis in axes.flat[len(chosen) :]:
         axis.axis("off")
     for axis, contact, (left, right, low, top) in zip(axes.flat, chosen, boxes, strict=False):
@@ -85,7 +85,7 @@ def _panels(contacts: Sequence[_Contact], layout: Layout, most: int = 60, across
     )
     text = (
         f"{count}, with start time and length of path while slipping. Blue dot: first position; black square: last; "
-        f"orange: slip. All pads have one scale; the widest is {wide:.0f} mm."
+        f"orange: slip. All pads have one scale; the widest is {widest:.0f} mm."
     )
     caption(figure, text)
     return figure
@@ -95,7 +95,7 @@ def _overlaid(tracks: Sequence[Track], layout: Layout) -> Figure:
     """Tracks each on its own pad; colour is time, larger dots are slip."""
     import matplotlib.pyplot as plt
 
-    boxes = [_box_mm(layout, track) for track in tracks]
+    boxes = [_box_mm(layout, track.pad, 1e3 * track.position_m) for track in tracks]
     ratios = [(right - left) / (high - low) for left, right, low, high in boxes]
     height = min(4.4, 8.0 / sum(ratios))
     figure, axes = plt.subplots(
@@ -135,11 +135,11 @@ def _overlaid(tracks: Sequence[Track], layout: Layout) -> Figure:
     return figure
 
 
-def _box_mm(layout: Layout, track: Track) -> Box:
-    """The pad and the way, which may lead half a pad beyond it and is cut there."""
-    left, right, low, high = extent_mm(layout, layout.pads.index(track.pad))
+def _box_mm(layout: Layout, pad: str, at_mm: Floats) -> Box:
+    """The pad and the way (n, 2) on it, which may lead half a pad beyond it and is cut there."""
+    left, right, low, high = extent_mm(layout, layout.pads.index(pad))
     wide, tall = (right - left) / 2, (high - low) / 2
-    at_mm = 1e3 * track.position_m[np.isfinite(track.position_m).all(axis=1)]
+    at_mm = at_mm[np.isfinite(at_mm).all(axis=1)]
     if not len(at_mm):
         return left, right, low, high
     margin = 0.02 * max(wide, tall)

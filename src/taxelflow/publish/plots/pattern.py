@@ -56,9 +56,9 @@ class Contact:
     true: Floats | None = None
 
 
-def pattern_figure(layout: Layout, contact: Contact) -> Figure:
+def pattern_figure(layout: Layout, contact: Contact, start_s: float) -> Figure:
     """One scan (if the recording is at hand), the pattern at its pose on the same scale, the path on the pad; below,
-    the turn against time.
+    the turn against time. start_s: time of the recording that the title counts from.
     """
     import matplotlib.pyplot as plt
 
@@ -93,8 +93,8 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
     for axis, colour in ((axes[0], "white"), (axes[-1], INK)):
         draw_scale(axis, box, colour)
     upper.colorbar(shades, ax=axes[-2], label=f"pressure in {unit}", shrink=0.8, pad=0.03).outline.set_visible(False)
-    upper.colorbar(dots, ax=axes[-1], label="time in s", shrink=0.8, pad=0.03).outline.set_visible(False)
-    figure.suptitle(_title(contact), x=0.01, ha="left", fontweight="bold", fontsize=11)
+    upper.colorbar(dots, ax=axes[-1], label="time of contact in s", shrink=0.8, pad=0.03).outline.set_visible(False)
+    figure.suptitle(_title(contact, start_s), x=0.01, ha="left", fontweight="bold", fontsize=11)
     marks = "; marks: direction of the pattern's long axis" if turned else ""
     true = "; black line: true path" if contact.true is not None else ""
     caption(figure, f"Grey: not observed{marks}{true}.")
@@ -103,9 +103,9 @@ def pattern_figure(layout: Layout, contact: Contact) -> Figure:
     return figure
 
 
-def _title(contact: Contact) -> str:
-    start, end = contact.t_s[0], contact.t_s[-1]
-    return f"Pattern of the object on {contact.pattern.pad}, {end - start:.1f} s of contact"
+def _title(contact: Contact, start_s: float) -> str:
+    begin, end = max(contact.t_s[0] - start_s, 0.0), contact.t_s[-1] - start_s  # never -0.0
+    return f"Pattern of the object on {contact.pattern.pad}, contact of {end - begin:.1f} s from {begin:.1f} s on"
 
 
 def _box_mm(layout: Layout, pad: int, contact: Contact) -> Box:
@@ -215,7 +215,7 @@ def _draw_turn(axis: Axes, contact: Contact) -> None:
             zorder=4,
         )
     axis.set_ylabel("turn in deg")
-    axis.set_xlabel("time in s")
+    axis.set_xlabel("time of contact in s")
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5, fontsize=8, borderaxespad=0.1)
     axis.set_xlim(float(t_s[0]), float(t_s[-1]))
     ends = np.concatenate([theta[np.isfinite(theta)], [0.0]])

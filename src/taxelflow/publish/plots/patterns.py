@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.publish.plots.pattern import SHOWN
-from taxelflow.publish.plots.style import INK, UNSEEN, caption, pressure_unit
+from taxelflow.publish.plots.style import INK, UNSEEN, caption, pressure_unit, three_digits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,16 +18,18 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats, LearnedPattern
 
 
-def patterns_figure(patterns: Sequence[LearnedPattern], unit: str, most: int = 64, across: int = 8) -> Figure:
+def patterns_figure(
+    patterns: Sequence[LearnedPattern], unit: str, start_s: float, most: int = 64, across: int = 8
+) -> Figure:
     """A panel per pattern in the order of time, each in the object's frame and in its own scale of pressure.
 
-    With more patterns than `most`, those from most scans. across: panels in a row.
+    start_s: time of the recording that is shown as 0. With more patterns than `most`, those from most scans. across:
+    panels in a row.
     """
     import matplotlib.pyplot as plt
 
     chosen = heapq.nlargest(most, patterns, key=lambda one: one.scans)
     chosen.sort(key=lambda one: one.t_first_s)
-    start_s = min(one.t_first_s for one in patterns)
     half = max(float(np.ptp(ends)) for one in chosen for ends in _bounds_mm(one)) / 2 * 1.06
     cols = min(across, len(chosen))
     rows = -(-len(chosen) // cols)
@@ -53,12 +55,12 @@ def patterns_figure(patterns: Sequence[LearnedPattern], unit: str, most: int = 6
         axis.set_aspect("equal")
         scale, shown = pressure_unit(unit, top)
         axis.set_title(
-            f"{one.pad}\n{one.t_first_s - start_s:.1f} s, {one.scans} scans\npeak {top / scale:.3g} {shown}",
+            f"{one.pad}\n{one.t_first_s - start_s:.1f} s, {one.scans} scans\npeak {three_digits(top / scale)} {shown}",
             fontsize=6.5, fontweight="normal", color=INK, pad=2,
         )  # fmt: skip
     count = f"{len(chosen)} of {len(patterns)}" if len(chosen) < len(patterns) else f"All {len(chosen)}"
-    text = f"{count} learned patterns, each from 0 (black) to its peak; panels are {2 * half:.0f} mm wide."
-    caption(figure, f"{text} Grey: not observed.")
+    text = f"{count} learned patterns, with start time of the contact, each from 0 (black) to its peak"
+    caption(figure, f"{text}; panels are {2 * half:.0f} mm wide. Grey: not observed.")
     return figure
 
 

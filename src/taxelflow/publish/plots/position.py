@@ -27,6 +27,8 @@ _CROWDED = 400
 """Positions above which their marks are small."""
 _MOST_NUMBERS = 8
 """Strokes that still leave room for their slopes as numbers."""
+_MARKED = (("slip_start", "▶ its onset"), ("slip_suspected", "◆ suspected"))
+"""Kinds of events whose marks are explained, and the words."""
 _BESIDE = {"o": (34, 14), "^": (42, -14)}
 """Where a line's slope stands, in points from its middle, by the method's marker; no leader crosses another's."""
 
@@ -65,8 +67,6 @@ def position_figure(
         _draw_lines(axes[0], track, main, start_s, strokes)
     _shade_slips(axes[:3], tracks, start_s)
     axes[0].set_title(f"Object on {tracks[0].pad}")
-    seen = "bands: ± 1 standard deviation; shaded: slip"
-    axes[0].set_title(seen, loc="right", fontsize=7, fontweight="normal")
     axes[0].legend(loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=4, columnspacing=1.2, handlelength=1.4)
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.18 * (high - low))
@@ -77,7 +77,9 @@ def position_figure(
     for axis, component in zip(axes, (main, 1 - main), strict=False):
         _draw_std(axis, tracks, component, start_s)
     _draw_load(axes[2], tracks[0], start_s)
-    draw_lanes(axes[3], tracks, events, start_s)
+    marked = draw_lanes(axes[3], tracks, events, start_s)
+    seen = ["bands: ± 1 standard deviation", "shaded: slip", *(words for kind, words in _MARKED if kind in marked)]
+    axes[0].set_title("; ".join(seen), loc="right", fontsize=7, fontweight="normal")
     figure.align_ylabels(axes[:3])
     axes[3].set_xlabel("time in s")
     return figure

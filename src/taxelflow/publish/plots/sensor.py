@@ -87,7 +87,8 @@ def _flat(sensor: Sensor) -> _Flat:
     margin = 0.15 / scale
     head = 0.2 / scale if layout.pad_count > 1 else 0.0
     (left, low), (right, high) = corners.min(axis=0) - margin, corners.max(axis=0) + margin
-    bounds = float(left), float(right), float(low - (0.0 if placed else 0.2 / scale)), float(high + head)
+    below = 0.0 if placed else 0.1 / scale + 0.04 * (high + head - low)  # where the bar of length stands
+    bounds = float(left), float(right), float(low - below), float(high + head)
     size = scale * (bounds[1] - bounds[0]), scale * (bounds[3] - bounds[2])
     return _Flat(sensor, T, shapes, placed, _is_curved(layout), bounds, size)
 
@@ -127,10 +128,10 @@ def _drawn(flat: _Flat, tints: list[str]) -> tuple[Figure, Axes]:
 
 def _words(flat: _Flat, crowded: bool) -> str:
     note = flat.sensor.note.rstrip(".")
-    parts = [f"{note[:1].upper() if note[1:2].islower() else note[:1]}{note[1:]}."] if note else []
+    parts = [f"{note[:1] if note[1:2].isupper() else note[:1].upper()}{note[1:]}."] if note else []
     parts.append(f"Arrows: {'each' if len(flat.shapes) > 1 else 'the'} pad's frame, x orange, y blue.")
     if not crowded:
-        parts.append("Dark taxels lie at a border.")
+        parts.append("Blue taxels lie at a border.")
     elif common := _common(flat.sensor.layout.pads):
         parts.append(f"Names of pads begin with {common}.")
     if not flat.placed:

@@ -72,7 +72,7 @@ def frame(axis: Any, places: Floats, azimuth_deg: float, elevation_deg: float) -
     middle = (low + high) / 2
     for number, letter in enumerate("xyz"):
         getattr(axis, f"set_{letter}lim")(middle[number] - half[number], middle[number] + half[number])
-        step = max(tick_step(2 * half[number], 4), tick_step(largest, 8))
+        step = max(tick_step(2 * half[number], 6), tick_step(largest, 8))
         getattr(axis, f"{letter}axis").set_major_locator(MultipleLocator(step))
         getattr(axis, f"set_{letter}label")(
             f"{letter} in mm", fontsize=8, labelpad=2 if half[number] > 0.15 * largest else -5

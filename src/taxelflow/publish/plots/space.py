@@ -76,7 +76,7 @@ def draw_space(sensor: Sensor, joints: str, out: Path) -> Path:
     if out.suffix not in _FORMATS:
         raise ParameterInvalid("plot", str(out), f"be a file that ends in {' or '.join(_FORMATS)}")
     with styled():
-        return save(space_figure(in_space(sensor, joints), None, f"{sensor.name} at {joints}"), out)
+        return save(space_figure(in_space(sensor, joints), None, f"{sensor.name}, joints: {joints}"), out)
 
 
 def in_space(sensor: Sensor, joints: str) -> InSpace:
@@ -169,7 +169,8 @@ def _draw_map(flat: Axes, hand: InSpace, projection: SphereMap) -> None:
     flat.autoscale_view()
     flat.margins(0.08)
     flat.set_aspect("equal")
-    flat.set_xlabel("mm")
+    flat.set_xlabel("x on the map in mm")
+    flat.set_ylabel("y on the map in mm")
     flat.set_title("map")
 
 

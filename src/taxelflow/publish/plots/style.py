@@ -70,6 +70,12 @@ def log_ticks(axis: Any, at: Sequence[float] = ()) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.{2 if at else 3}g}"))
 
 
+def widened(ends: tuple[float, float], least: float) -> tuple[float, float]:
+    """Limits of a log axis about the same middle, of which the upper one is at least this many times the lower one."""
+    more = max(least * ends[0] / ends[1], 1.0) ** 0.5
+    return ends[0] / more, ends[1] * more
+
+
 def pale(colour: str) -> tuple[float, ...]:
     """A quarter of a colour on white, under text."""
     from matplotlib.colors import to_rgb
@@ -95,7 +101,12 @@ def caption(figure: Figure, text: str) -> None:
 
 def pressure_unit(unit: str, most: float) -> tuple[float, str]:
     """What to divide pressures up to `most` by, and their unit then: kPa instead of thousands of Pa."""
-    return (1e3, "kPa") if unit == "Pa" and most > 2e3 else (1.0, unit)
+    return (1e3, "kPa") if unit == "Pa" and most >= 1e3 else (1.0, "counts" if unit == "count" else unit)
+
+
+def three_digits(value: float) -> str:
+    """A number with three digits, those before the point all, and without an exponent: counts have four."""
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
 def save(figure: Figure, path: Path) -> Path:

@@ -39,6 +39,8 @@ def views_figure(title: str, pressure: Floats, unit: str, convolution: Floats, s
 
 
 def _draw_bars(axis: Axes, pressure: Floats) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     rows, cols = pressure.shape
     row, col = np.nonzero(np.isfinite(pressure))
     height = np.clip(pressure[row, col], 0.0, None)
@@ -53,6 +55,7 @@ def _draw_bars(axis: Axes, pressure: Floats) -> None:
     axis.set_ylim(rows - 0.5, -0.5)
     axis.set_xticks(range(0, cols, 1 if cols < 10 else 4))
     axis.set_yticks(range(0, rows, 1 if rows < 10 else 4))
+    axis.zaxis.set_major_locator(MaxNLocator(5))  # type: ignore[attr-defined]
     axis.set_box_aspect((cols, rows, 0.7 * max(rows, cols)), zoom=0.86)  # type: ignore[call-arg, arg-type]
     axis.view_init(elev=32, azim=-62)  # type: ignore[attr-defined]
 

@@ -290,7 +290,7 @@
 
     // Key scans and the sensor's map.
     const hint = pick(".scans-hint");
-    hint.textContent = recording.scans.length ? "Pressure from light (0) to dark (largest of the scan); arrows: slip vectors in the colours of the methods. Click a scan to see its time above." : recording.no_scans;
+    hint.textContent = recording.scans.length ? "Pressure from light (0) to dark (largest of the scan); arrows: slip vectors in the colours of the methods, on one scale. Click a scan to see its time above." : recording.no_scans;
     for (const scan of recording.scans) {
       const figure = document.createElement("figure"), caption = document.createElement("figcaption");
       const svg = handPicture(recording.hand, recording.hand.touched, scan.shades, 340);

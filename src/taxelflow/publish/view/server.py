@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 PANEL_PIXELS = 400
 """Width of the panel beside the scene."""
+_PREPARING = (
+    "preparing: starting the estimate, reading the recording or source. The first time, kernels are compiled, "
+    "for up to half a minute ..."
+)
 
 
 class PageServer:
@@ -43,7 +47,7 @@ class PageServer:
         gui.set_panel_label("taxelflow")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_PIXELS)
-        self._preparing = gui.add_markdown("preparing: starting the estimate, reading the recording or source ...")
+        self._preparing = gui.add_markdown(_PREPARING)
         self._open, self.opened = True, Event()
         self.viser.on_client_connect(lambda _: self.opened.set())
 

@@ -75,11 +75,11 @@ class Strip:
         first = self._player.first_s
         self._events = events
         slips = sorted((event for event in events if event.event in MARKED), key=_onset)
-        self._marks = [_onset(event) for event in slips]
-        self._words = [
-            f"{_onset(event) - first:.3f} s {event.pad}" + ("" if event.event == "slip_start" else "?")
+        listed = {  # once each: a slip may be suspected again, and a list with one entry twice ends the whole page
+            f"{_onset(event) - first:.3f} s {event.pad}" + ("" if event.event == "slip_start" else "?"): _onset(event)
             for event in slips
-        ]
+        }
+        self._words, self._marks = [*listed], [*listed.values()]
         self._list.options = tuple(self._words[: _SIZE.most_listed]) or (_NONE,)
         self._near = ()
 
