@@ -413,9 +413,8 @@ class PortTaken(TaxelflowError):
     """A source or sink should listen at a port at which another program listens."""
 
     def __init__(self, url: str, port: int | None) -> None:
-        super().__init__(
-            f"cannot open {url}: port {port} is taken by another program; choose another port, or end that program"
-        )
+        taken = "its port" if port is None else f"port {port}"
+        super().__init__(f"cannot open {url}: {taken} is taken by another program; choose another port, or end it")
 
 
 class GraphicsMissing(TaxelflowError):

@@ -486,7 +486,12 @@ def _joined_field(parts: list[Any]) -> Any:
 
 def cut(block: Block, start: int, stop: int) -> Block:
     """Scans `start` to `stop` (excluded) of a block, as views."""
-    kind, scans = type(block), slice(start, stop)
+    return of_scans(block, slice(start, stop))
+
+
+def of_scans(block: Block, scans: slice | Bools) -> Block:
+    """Some scans of a block: a slice as views, others, by (scans,), as copies."""
+    kind = type(block)
     names = kind.__match_args__  # of the dataclass; `fields` builds its answer each time
     return kind(*(part if (part := getattr(block, name)) is None or name in _SHARED else part[scans] for name in names))
 

@@ -216,6 +216,19 @@ def test_a_missing_loaded_taxel_makes_that_pads_scan_incomplete_and_no_others(mo
     assert (scans.pressure[50:53, loaded] == 0).all()
 
 
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+def test_a_pad_without_any_reading_stays_in_contact_or_idle(mode: str) -> None:
+    values = noisy(160, 56)
+    values[40:120] += dome(TWO)
+    slower = np.arange(160) % 4 != 0
+    values[slower, :28] = np.nan  # a pad that is read every fourth time
+    values[100:110, 28:] = np.nan
+    scans, _ = conditioned(values, TWO, mode=mode)
+    assert np.flatnonzero(scans.contact[:, 0]).tolist() == list(range(40, 120))
+    assert np.flatnonzero(scans.complete[40:120, 0]).tolist() == list(range(0, 80, 4))
+    assert not scans.contact[:, 1].any()
+
+
 def test_a_missing_loaded_taxel_stays_loaded_until_it_is_heard_again() -> None:
     values = grasp()
     loaded = int(np.argmax(dome(PALM)))

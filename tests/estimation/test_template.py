@@ -369,6 +369,36 @@ def test_a_pad_that_is_saturated_everywhere_has_no_certain_pose(mode: str) -> No
     assert (np.einsum("ka,kab,kb->k", moved, np.linalg.inv(noise), moved) < 1.0).all()
 
 
+@pytest.mark.parametrize("window", [1000, 20])
+def test_a_pad_that_is_read_every_other_time_moves_as_it_is_read(window: int) -> None:
+    poses = way(60)
+    values, t_s = feet_at(poses), 0.02 * np.arange(60)
+    heard = np.arange(60) % 2 == 0
+    values[~heard] = 0.0
+    slips = slips_by(
+        "template", PAD, scans_of(PAD, values, t_s=t_s, noise=NOISE, complete=heard), mode="batch", window_scans=window
+    )
+    assert np.isnan(slips.pose[~heard, 0]).all()
+    assert np.isnan(slips.displacement[~heard, 0]).all()
+    known = np.flatnonzero(heard)[1:]
+    np.testing.assert_allclose(slips.span_s[known, 0], 0.04)
+    shown = slips_by("template", PAD, scans_of(PAD, values[heard], t_s=t_s[heard], noise=NOISE), mode="batch")
+    if window == 1000:
+        np.testing.assert_array_equal(slips.pose[heard], shown.pose)
+        np.testing.assert_array_equal(slips.displacement[heard], shown.displacement)
+    error = np.diff(slips.pose[heard, 0, :2] - shown.pose[:, 0, :2], axis=0)
+    assert np.abs(error).max() < 3e-4
+
+
+def test_a_pad_that_is_silent_for_a_window_has_no_pose_in_it() -> None:
+    values, silent = feet_at(way(80)), (np.arange(80) >= 20) & (np.arange(80) < 60)
+    values[silent] = 0.0
+    scans = scans_of(PAD, values, noise=NOISE, complete=~silent)
+    slips = shaped(slips_by("template", PAD, scans, mode="batch", window_scans=20), 80)
+    assert np.isnan(slips.pose[silent, 0]).all()
+    assert np.isfinite(slips.pose[~silent, 0, :2]).all()
+
+
 @both_modes
 @pytest.mark.parametrize("contact", [True, False])
 def test_scans_of_zeros_do_no_harm(mode: str, contact: bool) -> None:

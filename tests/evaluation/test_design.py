@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigged import svg_words
+from rigged import refused, svg_words
 from taxelflow.cli import main
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.design import Design, Skin, lattice
@@ -80,3 +80,26 @@ def test_the_sensitive_area_of_a_taxel_is_within_it() -> None:
         Design(fill=1.1)
     wide, narrow = (np.ptp(lattice("square", 1.0, 2.0, fill)[1][0], axis=0) for fill in (1.0, 0.5))
     assert narrow == pytest.approx(wide / 2)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--layouts",), "--layouts must name at least one (got 'nothing')"),
+        (("--size-mm",), "--size-mm must name at least one (got 'nothing')"),
+        (("--trials", "10000000000"), "--trials must be between 1 and 100000 (got 10000000000)"),
+        (("--rate-hz", "50", "1"), "window_s must hold two scans or more at 1 Hz (got 0.25)"),
+    ],
+)
+def test_a_sweep_of_nothing_or_without_end_is_refused(
+    words: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert says in refused(capsys, "design", *words)
+
+
+@pytest.mark.parametrize("scans", [2, 5, 12])
+def test_the_error_of_the_velocity_is_that_of_a_line_through_the_window(scans: int) -> None:
+    rate = 10.0
+    (row,) = Design(pitch_mm=(10.0,), layouts=("square",), rate_hz=(rate,), window_s=scans / rate, trials=1).run().rows
+    t_s = np.arange(scans) / rate
+    assert row.speed_mm_s == pytest.approx(row.bound_mm / np.sqrt(np.sum((t_s - t_s.mean()) ** 2)))

@@ -223,6 +223,19 @@ def test_an_unknown_displacement_ends_a_slip_and_what_follows_begins_anew(lost: 
     assert kinds(events) == ["contact", "slip_start", "slip_stop", "slip_start", "slip_stop"]
 
 
+@pytest.mark.parametrize(("silent", "slides_on"), [(slice(5, None, 10), True), (slice(140, 165), False)])
+def test_a_pad_without_a_reading_for_a_moment_slips_on(silent: slice, slides_on: bool) -> None:
+    slips = slips_of(slid((0.02, 0.0, 0.0)), load=np.ones(300))
+    slips.load[silent] = 0.0
+    for known in (slips.pose, slips.covariance, slips.displacement, slips.displacement_covariance):
+        known[silent] = np.nan
+    heard = np.flatnonzero(slips.load[:, 0])
+    slips.displacement[heard[1:]] = np.diff(slips.pose[heard], axis=0)
+    flags, _, _ = watched(slips)
+    assert flags[120:140].all()
+    assert flags[150, 0] == slides_on  # after 0.1 s it is a new contact
+
+
 def test_a_pose_that_does_not_fit_counts_less() -> None:
     slips = slips_of(slid((0.004, 0.0, 0.0)))
     sure = watched(slips)[1][1].t_s

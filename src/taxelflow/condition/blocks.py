@@ -218,6 +218,7 @@ def _condition_piece(values: Floats, entries: Zeroed, pads: Records, out: Condit
     std = np.sqrt(np.add.reduceat(np.where(pressure != 0.0, noise**2, 0.0), starts, axis=1))
     peak = np.maximum.reduceat(np.divide(pressure, noise, where=live, out=np.zeros_like(pressure)), starts, axis=1)
     begins, lasts = ((peak > pads[level]) & (total > pads[level] * std) for level in ("on", "off"))
+    lasts |= np.logical_or.reduceat(live, starts) & ~np.logical_or.reduceat(known, starts, axis=1)
     in_contact = pads["in_contact"]
     for scan in range(len(values)):
         in_contact = np.where(in_contact, lasts[scan], begins[scan])

@@ -71,24 +71,27 @@ def condition(values: Floats, gap: Bools, entries: Zeroed, pads: Records, out: C
 def _condition_pad(values: Floats, entries: Zeroed, pad: PadContact, pressure: Floats) -> bool:
     """Fill pressure (entries,) of one pad and bring its contact up to date. Returns False if a loaded taxel is missing.
 
-    A masked taxel (noise 0) reads 0. A missing one (not finite) reads 0 as well; it is loaded if it was last.
+    A masked taxel (noise 0) reads 0. A missing one (not finite) reads 0 as well; it is loaded if it was last. Where all
+    are missing, as of a pad that is late or slower than others, contact stays as it was.
     """
     offset, noise, last = entries
     total = variance = peak = 0.0
-    whole = True
+    whole, missing, known = True, False, False
     for k in range(pad.start, pad.stop):
         reading = 0.0
         if noise[k] > 0.0:
             reading = values[k] - offset[k]
             if np.isfinite(reading):
+                known = True
                 last[k] = reading
                 total += reading
                 variance += noise[k] ** 2 if reading != 0.0 else 0.0
                 peak = max(peak, reading / noise[k])
             else:
-                reading = 0.0
+                reading, missing = 0.0, True
                 whole = whole and last[k] <= pad.off * noise[k]
         pressure[k] = reading
-    level = pad.off if pad.in_contact else pad.on
-    pad.in_contact = peak > level and total > level * np.sqrt(variance)
+    if known or not missing:
+        level = pad.off if pad.in_contact else pad.on
+        pad.in_contact = peak > level and total > level * np.sqrt(variance)
     return whole

@@ -21,7 +21,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, shown
 from taxelflow.evaluation.statistics import rms
-from taxelflow.runtime.checks import at_least, positive
+from taxelflow.runtime.checks import at_least, positive, within
 
 if TYPE_CHECKING:
     from taxelflow.evaluation.base import Table, Watch
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 Skin = Literal["square", "hexagonal", "triangular"]
 Body = Literal["asymmetric", "bar", "round"]
+_MOST_TRIALS = 100_000
 
 
 @dataclass(frozen=True)
@@ -52,13 +53,16 @@ class Design:
     window_s: float = 0.25
     """Window of the velocity, s."""
     trials: int = 12
-    """Number of random poses of each design, at least 1."""
+    """Number of random poses of each design, 1 to 100000."""
     seed: int = 0
     """Seed of poses and noise."""
 
     def __post_init__(self) -> None:
-        at_least("trials", self.trials, 1)
+        within("trials", self.trials, 1, _MOST_TRIALS)
         at_least("seed", self.seed, 0)
+        for name in ("size_mm", "pitch_mm", "noise_percent", "rate_hz", "layouts", "shapes"):
+            if not getattr(self, name):
+                raise ParameterInvalid(name, "nothing", "name at least one")
         for name in ("size_mm", "pitch_mm", "noise_percent", "rate_hz"):
             for value in getattr(self, name):
                 positive(name, value)
@@ -66,6 +70,8 @@ class Design:
             if not 1 <= size / pitch <= 50:
                 raise ParameterInvalid("pitch_mm", pitch, f"be between 1/50 of the object and the object, {size:g} mm")
         positive("window_s", self.window_s)
+        if self.window_s * min(self.rate_hz) < 2:
+            raise ParameterInvalid("window_s", self.window_s, f"hold two scans or more at {min(self.rate_hz):g} Hz")
         if not 0 < self.fill <= 1:
             raise ParameterInvalid("fill", self.fill, "be above 0 and at most 1")
 
@@ -95,7 +101,7 @@ class DesignRow(msgspec.Struct, frozen=True):
     bound_deg: float | None
     error_deg: float | None
     speed_mm_s: float
-    """Standard deviation of the velocity over the window, at the bound."""
+    """Standard deviation of the velocity at the bound: a straight line through the scans of the window."""
     lost_percent: float
     """Trials in which the fit found another minimum; not in the errors."""
     trials: int
@@ -231,7 +237,7 @@ def _row(
     turns = shape != "round"
     lost = ~np.isfinite(errors[:, 0])
     along = rms(bounds[:, :2]) * size
-    scans = max(asked.window_s * rate, 2.0)
+    scans = asked.window_s * rate
     kept = errors[~lost] if not lost.all() else np.full((1, 3), np.nan)
     return DesignRow(
         shape=shape,
@@ -245,7 +251,7 @@ def _row(
         error_mm=float(np.sqrt(2)) * rms(kept[:, :2]) * size,
         bound_deg=float(np.degrees(rms(bounds[:, 2]))) if turns else None,
         error_deg=float(np.degrees(rms(kept[:, 2]))) if turns else None,
-        speed_mm_s=float(np.sqrt(2)) * along * float(np.sqrt(12 / scans)) / asked.window_s,
+        speed_mm_s=float(np.sqrt(2)) * along * rate * float(np.sqrt(12 / (scans * (scans**2 - 1)))),
         lost_percent=100 * float(lost.mean()),
         trials=asked.trials,
     )

@@ -84,6 +84,10 @@ def follow(observations: Records, held: Records, states: Records, slipping: Bool
         for number in range(observations.shape[0]):
             scan, change = observations[number, pad], changes[number, pad]
             _clear(change)
+            silent = scan.contact and scan.load == 0.0  # no reading of the pad, which is late or slower than others
+            if silent and scan.t_s - state.last_s <= parameters.settle_s:
+                slipping[number, pad] = state.mode == SLIPPING and not slide.stop_reported
+                continue
             _update_load(scan, state)
             track_jump(scan, measurement.log_load, state.jump)
             usable, undirected = _continue_contact(scan, state), not np.isnan(scan.disturbance)

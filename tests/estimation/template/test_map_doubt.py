@@ -99,4 +99,7 @@ def test_poses_have_it_and_steps_between_them_do_not() -> None:
     added = np.diagonal(wide.covariance - poses.covariance, axis1=1, axis2=2)
     assert added[:, :2].sum(axis=1) == pytest.approx(place + far, rel=1e-6)
     assert added[:, 2] == pytest.approx(0.03**2, rel=1e-6)
-    assert wide.steps(scanned.t_s)[1][1:] == pytest.approx(poses.steps(scanned.t_s)[1][1:], rel=1e-6, abs=1e-9)
+    heard = np.ones(len(poses), np.bool_)
+    assert wide.steps(scanned.t_s, heard)[1][1:] == pytest.approx(
+        poses.steps(scanned.t_s, heard)[1][1:], rel=1e-6, abs=1e-9
+    )

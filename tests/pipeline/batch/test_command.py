@@ -168,6 +168,28 @@ def test_other_settings_or_recordings_of_the_same_name_are_refused(capsys: Captu
 
 
 @pytest.mark.usefixtures("runs")
+def test_another_sensor_is_named_in_a_short_line(capsys: Capture) -> None:
+    batch()
+    said = refused(capsys, "batch", "runs/*.npz", "--out", "out", "--sensor", "grid:4x4@5mm")
+    assert "other settings: sensor was None, is 'grid:4x4@5mm'; use the same" in said
+    assert len(said.partition(" holds ")[2]) < 120
+
+
+def test_a_link_to_a_file_that_is_gone_is_a_failed_recording(runs: Path, capsys: Capture) -> None:
+    (runs / "broken.npz").unlink()
+    (runs / "broken.npz").symlink_to("gone.npz")
+    assert batch() == 1
+    assert capsys.readouterr().out.startswith("3 recordings: 2 done (2 now, 0 before), 1 failed\n")
+    (row,) = (row for row in manifest(Path("out")) if row["status"] == "failed")
+    assert row["message"].startswith(f"recording {runs}/broken.npz does not exist")
+    assert batch() == 1  # it stays failed until asked
+    slides(runs, "gone.npz")
+    (runs / "broken.npz").unlink()
+    (runs / "gone.npz").rename(runs / "broken.npz")
+    assert batch("--retry-failed") == 0
+
+
+@pytest.mark.usefixtures("runs")
 def test_settings_may_change_while_nothing_is_done() -> None:
     Path("runs/plain.csv").write_text("t_s,a,b\n" + "".join(f"{scan / 10},1,{scan % 2}\n" for scan in range(30)))
     words = ["batch", "runs/plain.csv", "--out", "out"]
@@ -187,7 +209,7 @@ def test_a_fault_of_a_worker_leaves_recordings_undone(monkeypatch: pytest.Monkey
 
     monkeypatch.setattr("taxelflow.pipeline.batch.run.outcomes", outcomes)
     said = refused(capsys, "batch", "runs/*.npz", "--out", "out")
-    assert "1 recordings are not done, through faults of workers" in said
+    assert "1 recording is not done, through faults of workers" in said
     assert "a.npz: OSError: No space left on device; mend it, then run the same command again" in said
     assert statuses(Path("out")) == {"b.npz": "done", "broken.npz": "failed"}
 

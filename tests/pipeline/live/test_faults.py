@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 from itertools import islice
 from typing import TYPE_CHECKING
@@ -107,6 +108,13 @@ def test_a_loop_goes_on_with_increasing_times() -> None:
 def test_an_emulation_of_nothing_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert "known are" in refused(capsys, "emulate", "nothing:", "--from", "stroke")
     assert "0 or more" in refused(capsys, "emulate", "stdin:", "--from", "stroke", "--speed", "nan")
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        said = refused(capsys, "emulate", f"tcp://127.0.0.1:{port}", "--from", "stroke")
+    assert said == (
+        f"taxelflow: cannot open tcp://127.0.0.1:{port}: port {port} is taken by another program; "
+        "choose another port, or end it\n"
+    )
     assert "known are stroke" in refused(capsys, "emulate", "tcp", "--from", "nowhere")
     assert "known are cable" in refused(capsys, "emulate", "tcp", "--from", "stroke", "--fault", "fire@1")
     assert "stall@2.5" in refused(capsys, "emulate", "tcp", "--from", "stroke", "--fault", "stall@x")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import threading
@@ -79,6 +80,13 @@ def test_another_process_receives_scans_by_dds_and_passes_them_on(tmp_path: Path
     received = taxelflow.read(tmp_path / "a.mcap").load()
     sent = dict(zip((scans.t_s + 100.0).round(6).tolist(), scans.values, strict=True))
     assert np.allclose(received.values, [sent[t] for t in received.t_s.round(6).tolist()], rtol=1e-6)
+
+
+def test_a_scan_at_time_0_has_a_stamp() -> None:
+    stamp = Ros2Types().header(0.0).stamp
+    assert (stamp.sec, stamp.nanosec) == (0, 1)  # with 0 receivers use the time of receipt
+    with registry.find("emulator", "rosbridge")(parse_address("rosbridge://127.0.0.1:0/touch"), PALM) as device:
+        assert json.loads(device.encode(0.0, np.zeros(28)))["msg"]["header"]["stamp"] == {"sec": 0, "nanosec": 1}
 
 
 @pytest.mark.long

@@ -473,6 +473,16 @@ def test_status_and_totals_of_a_run(tmp_path: Path) -> None:
     assert "palm" in screen
 
 
+def test_the_totals_count_scans_that_repeat_the_one_before(tmp_path: Path) -> None:
+    scans, port = slid(), free_port()
+    again = RawScans(0.01 * np.arange(1, 3 * SCANS + 1), np.repeat(scans.values, 3, axis=0))
+    with running(f"tcp-listen://127.0.0.1:{port}", f"jsonl:{tmp_path}/a.jsonl") as reports, connected(port) as device:
+        device.sendall(b"".join(lines(again)))
+    rows = len(published(tmp_path / "a.jsonl"))
+    assert rows < 3 * SCANS
+    assert f"repeated: {3 * SCANS - rows} (bit for bit the scan before)" in totals(reports[0])
+
+
 @pytest.mark.parametrize(
     ("offset_s", "drift_ppm", "words"),
     [

@@ -20,7 +20,7 @@ from taxelflow.estimation.template.observations import Scanned, delays_of
 from taxelflow.estimation.template.pose_output import Poses, aligned, poses_of
 from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.estimation.template.warmup import compile_batch
-from taxelflow.messages import AMBIGUOUS, OK, Bools, Estimates, Scans, cut, joined, no_scans
+from taxelflow.messages import AMBIGUOUS, OK, Bools, Estimates, Scans, cut, joined, no_scans, of_scans
 from taxelflow.numerics.blas import on_one_core
 
 if TYPE_CHECKING:
@@ -52,13 +52,16 @@ class _Open:
 
 @dataclass(slots=True, eq=False)
 class _Done:
-    """Poses of a pad from scan `start` on; the first `known` of them were given out before."""
+    """Poses of a pad from scan `start` on; the first `known` of them were given out before. heard: (scans,), any of its
+    taxels was read.
+    """
 
     pad: int
     start: int
     known: int
     poses: Poses
     t_s: Floats
+    heard: Bools
 
 
 def _information(solved: Solved, scanned: Scanned, unseen_error: float) -> tuple[Floats, Floats]:
@@ -167,7 +170,14 @@ class BatchSession:
     def _solve(self, pad: int, contact: _Open, stop: int) -> Poses:
         """Solve a contact up to scan `stop` (excluded)."""
         layout, own = self._layout, self._layout.of_pad(pad)
-        scans = cut(self._all(), contact.start - self._first, stop - self._first)
+        held = cut(self._all(), contact.start - self._first, stop - self._first)
+        heard = held.complete[:, pad] | (held.pressure[:, own] != 0).any(axis=1)
+        scans = held if heard.all() else of_scans(held, heard)
+        known = 0 if contact.before is None else len(contact.before)
+        if not len(scans):  # the pad has been silent for a window
+            poses = Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, np.uint8)).spread(heard)
+            self._done.append(_Done(pad, contact.start, known, poses, held.t_s, heard))
+            return poses
         pitch_m = float(self._pitch_m[pad])
         scanned = self._scanned(pad, scans, contact)
         readings, variance = scanned.readings, scanned.variance.copy()
@@ -181,9 +191,8 @@ class BatchSession:
         dead = layout.source[own][solved.dead]
         if len(dead):
             self._dead.setdefault(layout.pads[pad], set()).update(dead.tolist())
-        known = 0
+        poses = poses if heard.all() else poses.spread(heard)
         if contact.before is not None:
-            known = len(contact.before)
             poses = aligned(poses, contact.before)
         self.patterns.keep(
             as_map(
@@ -191,14 +200,14 @@ class BatchSession:
                 moment.pattern,
                 moment.scanned,
                 moment.states,
-                poses.pose[moment.which[-1]],
+                poses.pose[heard][moment.which[-1]],
                 error=solved.error,
                 pitch_m=pitch_m,
                 turns=moment.turns,
                 dead=dead,
             )
         )
-        self._done.append(_Done(pad, contact.start, known, poses, scans.t_s))
+        self._done.append(_Done(pad, contact.start, known, poses, held.t_s, heard))
         return poses
 
     def _poses(self, pad: int, solved: Solved, scanned: Scanned, readings: Floats) -> tuple[Poses, Moment]:
@@ -231,7 +240,7 @@ class BatchSession:
         variance = np.repeat((scans.noise[own] ** 2)[np.newaxis], len(scans), axis=0)
         variance[~scans.complete[:, pad, np.newaxis] & (readings == 0)] = 0.0  # missing, not unloaded
         places = np.stack([layout.x_m[own], layout.y_m[own]]) / self._pitch_m[pad]
-        has_turned = contact.before is not None and bool(np.isfinite(contact.before.pose[:, 2]).all())
+        has_turned = contact.before is not None and bool(np.isfinite(contact.before.pose[:, 2]).any())
         unseen = 0.0 if has_turned else layout.unseen_error  # what a window before has shown needs no proof
         self._alive[layout.source[own]] |= working(readings, scans.noise[own])
         limits = scans.ceiling[own], self._delay[own], unseen, self._alive[layout.source[own]]
@@ -270,7 +279,7 @@ class BatchSession:
         estimates.covariance[rows, pad] = poses.covariance[part]
         estimates.quality[rows, pad] = poses.quality[part]
         estimates.lag_s[rows, pad] = -self._lead[pad]
-        moved, noise, span = poses.steps(done.t_s)
+        moved, noise, span = poses.steps(done.t_s, done.heard)
         estimates.displacement[rows, pad] = moved[part]
         estimates.displacement_covariance[rows, pad] = noise[part]
         estimates.span_s[rows, pad] = span[part]

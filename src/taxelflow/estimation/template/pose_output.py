@@ -17,7 +17,7 @@ from taxelflow.numerics.rounding import BLURRED
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.solution import Solved
-    from taxelflow.messages import Bytes, Floats
+    from taxelflow.messages import Bools, Bytes, Floats
 
 
 @dataclass(slots=True, eq=False)
@@ -37,16 +37,34 @@ class Poses:
     def __len__(self) -> int:
         return len(self.pose)
 
-    def steps(self, t_s: Floats) -> tuple[Floats, Floats, Floats]:
+    def steps(self, t_s: Floats, heard: Bools) -> tuple[Floats, Floats, Floats]:
         """Displacement (scans, 3) since the scan before, its covariance (scans, 3, 3) and time (scans,); first NaN.
 
-        The pattern's error is common to both scans; what is left is the noise of both.
+        heard: (scans,), the others are passed over, and have none. The pattern's error is common to both scans; what is
+        left is the noise of both.
         """
-        moved = np.diff(self.pose, axis=0, prepend=np.nan)
-        noise, own = np.full_like(self.covariance, np.nan), self.noise
-        own = self.covariance - self.shared if own is None else own
-        noise[1:] = own[1:] + own[:-1]
-        return moved, noise, np.diff(t_s, prepend=np.nan)
+        moved, noise, span = (np.full_like(like, np.nan) for like in (self.pose, self.covariance, t_s))
+        own = self.covariance - self.shared if self.noise is None else self.noise
+        at = np.flatnonzero(heard)
+        now, before = at[1:], at[:-1]
+        moved[now] = self.pose[now] - self.pose[before]
+        noise[now] = own[now] + own[before]
+        span[now] = t_s[now] - t_s[before]
+        return moved, noise, span
+
+    def spread(self, heard: Bools) -> Poses:
+        """Poses of the scans that are heard (scans,), with unknown ones in the others."""
+
+        def among(values: Floats) -> Floats:
+            spread = np.full((len(heard), *values.shape[1:]), np.nan)
+            spread[heard] = values
+            return spread
+
+        quality = np.zeros(len(heard), np.uint8)
+        quality[heard] = self.quality
+        shared = self.shared if isinstance(self.shared, float) else among(self.shared)
+        noise = None if self.noise is None else among(self.noise)
+        return Poses(among(self.pose), among(self.covariance), quality, shared, noise)
 
     def open_across(self, scanned: Scanned, pitch_m: float) -> Poses:
         """With a place along x or y that its taxels do not measure left open: anywhere on the pad."""
@@ -170,11 +188,11 @@ def aligned(poses: Poses, before: Poses) -> Poses:
     The object's own frame is arbitrary: it is shifted and turned so that both windows agree on the scans they share.
     """
     shared = len(before)
-    turn = before.pose[:, 2] - poses.pose[:shared, 2]
-    offset = float(np.mean(turn)) if np.isfinite(turn).all() else 0.0
     turns = rotation(np.nan_to_num(poses.pose[:, 2]))
     gap = before.pose[:, :2] - poses.pose[:shared, :2]
     known = np.isfinite(gap).all(axis=1)
+    turn = (before.pose[:, 2] - poses.pose[:shared, 2])[known]
+    offset = float(np.mean(turn)) if len(turn) and np.isfinite(turn).all() else 0.0
     body = np.einsum("kji,kj->ki", turns[:shared][known], gap[known]).mean(axis=0) if known.any() else np.zeros(2)
     pose = poses.pose.copy()
     pose[:, :2] += turns @ body

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from taxelflow.errors import BatchUnlike, ClusterFault, RecordingsAlike, printable, written_at
+from taxelflow.errors import BatchUnlike, ClusterFault, RecordingMissing, RecordingsAlike, printable, written_at
 from taxelflow.pipeline.batch.cluster import connected, outcomes
 from taxelflow.pipeline.batch.manifest import Manifest, Row
 from taxelflow.pipeline.batch.task import PARTS, finished, source_of
@@ -17,7 +17,7 @@ from taxelflow.publish.terminal import counted
 from taxelflow.runtime.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
     from taxelflow.pipeline.batch.task import Outcome, Settings
@@ -27,6 +27,8 @@ _MOST_FAULTS = 20
 """Faults in a row after which the cluster is taken to be broken."""
 _MOST_LISTED = 10
 """Failures and differences that are printed at most."""
+_MOST_SHOWN = 80
+"""Characters of a setting that are printed at most."""
 
 
 @dataclass
@@ -111,7 +113,11 @@ def _missing(recordings: Mapping[str, Path], out: Path, manifest: Manifest, *, r
         row = manifest.rows.get(printable(str(path)))
         found = finished(out / name)
         if found is None:
-            if row is None or row.status == "done" or retry_failed:
+            if not (row is None or row.status == "done" or retry_failed):
+                continue
+            if path.is_symlink() and not path.exists():  # no worker will ever see it
+                manifest.add(Row(printable(str(path)), "failed", None, str(RecordingMissing(path))))
+            else:
                 missing[name] = path
         elif row is None or row.status == "failed":
             if (source := source_of(out / name)) != str(path):
@@ -125,24 +131,30 @@ def _check_settings(out: Path, settings: Settings, *, fresh: bool) -> None:
     file = out / SETTINGS
     asked = to_json(msgspec.to_builtins(settings, enc_hook=str))
     if not fresh and file.exists():
-        before, now = _flat(msgspec.json.decode(file.read_bytes())), _flat(msgspec.json.decode(asked))
-        unlike = [key for key in {**before, **now} if before.get(key) != now.get(key)]
+        unlike = list(_unlike(msgspec.json.decode(file.read_bytes()), msgspec.json.decode(asked)))
         if unlike:
-            seen = [f"{key} was {before.get(key)!r}, is {now.get(key)!r}" for key in unlike[:_MOST_LISTED]]
-            raise BatchUnlike(out, ", ".join(seen))
+            raise BatchUnlike(out, ", ".join(unlike[:_MOST_LISTED]))
         return
     with whole_file(file) as part:
         part.write_bytes(asked)
 
 
-def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
-    """Values of nested mappings by dotted names."""
-    if not isinstance(value, dict):
-        return {prefix: value}
-    flat: dict[str, Any] = {}
-    for key, part in value.items():
-        flat |= _flat(part, f"{prefix}.{key}" if prefix else key)
-    return flat
+def _unlike(before: Mapping[str, Any], now: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """`KEY was X, is Y` of each value of nested mappings that differs, by dotted keys."""
+    for key in {**before, **now}:
+        was, present = before.get(key), now.get(key)
+        if isinstance(was, dict) and isinstance(present, dict):
+            yield from _unlike(was, present, f"{prefix}{key}.")
+        elif was != present:
+            yield f"{prefix}{key} was {_short(was)}, is {_short(present)}"
+
+
+def _short(value: Any) -> str:
+    """A setting in a line: what has a name, as a sensor has, by that name."""
+    if isinstance(value, dict) and "name" in value:
+        value = value["name"]
+    text = repr(value)
+    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
 
 
 def _estimate(
@@ -169,7 +181,9 @@ def _estimate(
             if in_a_row == _MOST_FAULTS:
                 break
     if faults:
+        undone = len(missing) - ended
+        seen = "1 recording is" if undone == 1 else f"{undone} recordings are"
         raise ClusterFault(
-            f"{len(missing) - ended} recordings are not done, through faults of workers; the first is {faults[0]}",
+            f"{seen} not done, through faults of workers; the first is {faults[0]}",
             "mend it, then run the same command again: what is finished is kept",
         )

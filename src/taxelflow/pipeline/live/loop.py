@@ -55,7 +55,8 @@ class Limits:
 class Report:
     """What a run amounts to, while it goes on and at its end.
 
-    latest: the last results. estimated: latencies from arrival until the estimate is known.
+    latest: the last results. estimated: latencies from arrival until the estimate is known. repeated: scans without
+    results, because they equal the one before bit for bit; known at the end.
     """
 
     source: Source
@@ -66,6 +67,7 @@ class Report:
     latest: Update | None = None
     events: deque[Event] = field(default_factory=lambda: deque(maxlen=_SEEN_EVENTS))
     estimated: Latencies = field(default_factory=Latencies)
+    repeated: int = 0
 
 
 def run_live(
@@ -187,6 +189,7 @@ class _Estimate:
             self._publish(output)
         self._count()
         run = self._live.run
+        self._report.repeated = run.counts.repeated
         run.reading.notes += self._report.intake.timeline.notes
         summary = summarise(self._method, self._live.pipeline, run, self._totals) if self._totals.scans else None
         return Ending(summary, run.patterns)

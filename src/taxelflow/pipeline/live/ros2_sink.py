@@ -50,7 +50,7 @@ class Ros2Types:
 
     def header(self, t_s: float) -> Any:
         """A header of the frame `hand`."""
-        sec, nanosec = divmod(nanoseconds(min(t_s, _LAST_S)), 10**9)
+        sec, nanosec = divmod(nanoseconds(min(t_s, _LAST_S)) or 1, 10**9)  # a stamp of 0 is one that is not set
         stamp = self["builtin_interfaces/msg/Time"](sec=sec, nanosec=nanosec)
         return self["std_msgs/msg/Header"](stamp=stamp, frame_id="hand")
 

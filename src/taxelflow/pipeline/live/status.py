@@ -130,6 +130,7 @@ def totals(report: Report) -> list[str]:
     lines = [
         f"scans in: {intake.scans_in}",
         f"dropped: {intake.dropped}" + (f" (sinks: {dropped})" if dropped else ""),
+        *([f"repeated: {report.repeated} (bit for bit the scan before)"] if report.repeated else []),
         f"published: {published}",
         f"gaps: {intake.timeline.gaps}",
         f"faults: {faults}",

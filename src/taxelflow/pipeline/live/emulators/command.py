@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import sys
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from taxelflow.errors import NameUnknown
+from taxelflow.errors import NameUnknown, PortTaken
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import Address, parse_address
 from taxelflow.runtime.checks import not_negative
@@ -57,7 +58,8 @@ class Emulate:
         not_negative("speed", self.speed)
         faults = [parse_fault(text) for text in self.fault]
         recording = self._recording()
-        with self._emulator(recording) as emulator:
+        with ExitStack() as opened:
+            emulator = self._opened(recording, opened)
             print(f"taxelflow: emulating {emulator.url}", file=sys.stderr, flush=True)
             playback = Playback(emulator, faults, self.speed)
             with suppress(KeyboardInterrupt):
@@ -80,13 +82,19 @@ class Emulate:
 
         return simulate(replace(SCENARIOS[self.scans], seed=self.seed))
 
-    def _emulator(self, recording: Recording) -> Emulator:
+    def _opened(self, recording: Recording, opened: ExitStack) -> Emulator:
+        """The device, which closes with the stack. Raises PortTaken."""
         from taxelflow.pipeline.live.emulators.base import USUAL
 
         named = self.device if ":" in self.device else USUAL.get(self.device, f"{self.device}:")
         address: Address = parse_address(named)
         made: Emulator = registry.find("emulator", address.scheme)(address, recording.sensor)
-        return made
+        try:
+            return opened.enter_context(made)
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE:
+                raise PortTaken(named, address.port) from error
+            raise
 
     def _scans(self, recording: Recording) -> Iterator[tuple[float, Floats]]:
         """Times and values as the source sent them, again and again if asked for."""

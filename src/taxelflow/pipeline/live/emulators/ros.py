@@ -57,7 +57,7 @@ class Rosbridge(WebSocketServer):
 
     def encode(self, t_s: float, values: Floats) -> bytes:
         """See `Emulator`."""
-        sec, nanosec = divmod(round(1e9 * t_s), 10**9)
+        sec, nanosec = divmod(round(1e9 * t_s) or 1, 10**9)  # a stamp of 0 is one that is not set
         header = {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": "hand"}
         message = {"header": header, "sensors": [{"name": "all", "values": values.tolist()}]}
         return msgspec.json.encode({"op": "publish", "topic": self._topic, "msg": message})
