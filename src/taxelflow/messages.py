@@ -8,7 +8,7 @@ Unknown numbers are NaN. Three components are always in the order (x, y, theta),
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from math import nan
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -260,9 +260,24 @@ class Slips:
 
     def whole(self) -> Slips:
         """The same with a covariance that holds unseen errors."""
-        if self.unseen is None:
-            return self
-        return replace(self, covariance=self.covariance + self.unseen, unseen=None)
+        return self if self.unseen is None else self.doubted(self.covariance + self.unseen, self.quality)
+
+    def doubted(self, covariance: Floats, quality: Bytes) -> Slips:
+        """The same with another covariance and quality, which hold unseen errors: half of the time of `replace`."""
+        return Slips(
+            t_s=self.t_s,
+            contact=self.contact,
+            border=self.border,
+            displacement=self.displacement,
+            pose=self.pose,
+            covariance=covariance,
+            displacement_covariance=self.displacement_covariance,
+            span_s=self.span_s,
+            lag_s=self.lag_s,
+            load=self.load,
+            disturbance=self.disturbance,
+            quality=quality,
+        )
 
     @property
     def velocity(self) -> Floats:

@@ -18,7 +18,7 @@ within 2 s, it was one from its beginning.
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -175,7 +175,7 @@ class RestHypothesis:
             moved = moved & ~sticks
         places = slips.pose[..., :2], origin_m, rows.shifted[:count]
         _widen(*places, moved, self._pitch_m, covariance, quality)
-        slips = replace(slips, covariance=covariance, quality=quality)
+        slips = slips.doubted(covariance, quality)
         return slips if sticks is None else self._sticking.held(slips, origin_m, sticks)
 
     def _end(self, known: Bools) -> None:
