@@ -190,8 +190,8 @@ class Estimates:
     unseen: Floats | None = None
 
     @classmethod
-    def unknown(cls, scans: Scans) -> Estimates:
-        """Arrays of NaN for these scans, for an estimator to fill in."""
+    def unknown(cls, scans: Scans, unseen: Floats | None = None) -> Estimates:
+        """Arrays of NaN for these scans, for an estimator to fill in. unseen: see above."""
         shape = scans.contact.shape
         return cls(
             t_s=scans.t_s,
@@ -203,6 +203,7 @@ class Estimates:
             lag_s=_unknown(*shape),
             disturbance=_unknown(*shape),
             quality=np.zeros(shape, dtype=np.uint8),
+            unseen=unseen,
         )
 
     def __len__(self) -> int:
