@@ -141,12 +141,13 @@ def test_verdicts_are_reached(seed: int) -> None:
     flags: Any = tuple(rng.random((40, PADS)) < share for share in (0.5, 0.2, 0.9, 0.3, 0.6, 0.5))
     odds = rng.normal(-2.0, 3.0, (2, 40, PADS))
     odds[1, rng.random((40, PADS)) < 0.1] = np.nan
+    since_s = np.where(rng.random((40, PADS)) < 0.2, np.inf, -np.inf)
     whole = np.array([-1, -1, 0, 1])  # groups come after their pads
     last = [rng.random((1, PADS)) < 0.5 for _ in range(2)]
     found = []
     for function in (decide, decide_block):
         final, by_odds = (np.zeros((40, PADS), dtype=np.bool_) for _ in range(2))
-        changes = function(flags, whole, (odds[0], odds[1]), *last, final, by_odds)
+        changes = function(flags, whole, (odds[0], odds[1]), since_s, *last, final, by_odds)
         found.append((final, by_odds, np.array(changes)))
     assert all(equal(one, other) for one, other in zip(*found, strict=True))
 

@@ -9,7 +9,7 @@ from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED, Event, Slips
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor, with_contacts
 from taxelflow.slip.odds import AGAINST, Odds
-from taxelflow.slip.verdict import Posed, Verdict, pads_of_groups
+from taxelflow.slip.verdict import Posed, Verdict, find_vague, pads_of_groups
 
 PALM = Pad("palm", rows=4, cols=4, pitch_m=(0.004, 0.004))
 THUMB = Pad("thumb", rows=2, cols=2, pitch_m=(0.004, 0.004))
@@ -170,3 +170,15 @@ def touching(pads: int, quality: int, scan_s: float = 0.01) -> Slips:
     border, worth = np.zeros((SCANS, pads, 2), dtype=bool), np.full((SCANS, pads), quality, dtype=np.uint8)
     t_s = scan_s * np.arange(SCANS)
     return Slips(t_s, yes, border, three, three, matrix, matrix, 0.01 * one, 0 * one, one, np.nan * one, worth)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_poses_that_need_their_patterns_consent_are_those_of_numpy(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    quality, border = rng.integers(0, 4, (20, 3)).astype(np.uint8), rng.random((20, 3, 2)) < 0.3
+    contact, in_part, visible = rng.random((20, 3)) < 0.2, np.array([False, False, True]), rng.random((1, 3)) < 0.4
+    vague, cut = np.empty((20, 3), dtype=bool), border.any(axis=2)
+    judged = np.logical_or.accumulate((cut & contact & (quality == OK)).any(axis=1))
+    by_border = cut & (quality == AMBIGUOUS) & ~judged[:, np.newaxis]
+    assert find_vague(quality, border, contact, in_part, visible, False, vague) == judged[-1]
+    assert np.array_equal(vague, (quality > OK) & (~by_border | in_part | visible))

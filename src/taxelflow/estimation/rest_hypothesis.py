@@ -19,7 +19,7 @@ had shifted the pose by then stays in the covariance, see `HeldShift`.
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -183,7 +183,7 @@ class RestHypothesis:
             origin_m = np.where(sticks[..., np.newaxis], self._sticking.touched(slips), origin_m)
             moved = moved & ~sticks
         _widen(slips.pose[..., :2], origin_m, rows.shifted[:count], held, moved, self._pitch_m, covariance, quality)
-        slips = replace(slips, covariance=covariance, quality=quality)
+        slips = slips.doubted(covariance, quality)
         return slips if sticks is None else self._sticking.held(slips, origin_m, sticks)
 
     def _end(self, known: Bools) -> None:

@@ -59,10 +59,14 @@ def find_unseen(
     `Layout.starts`. places: (2, taxels), in pitches. pitch_m: (pads,). tilt: `Layout.unseen_error`.
     """
     pressure, noise, ceiling, contact = scans
+    most_taxels = 0
+    for pad in range(len(pitch_m)):
+        most_taxels = max(most_taxels, starts[pad + 1] - starts[pad])
+    edges = np.zeros(most_taxels, np.bool_)
+    middle, found = np.empty(5), np.empty(9)
     for pad in range(len(pitch_m)):
         first, count = starts[pad], starts[pad + 1] - starts[pad]
-        own, variance, edge = np.empty((2, count)), np.empty(count), np.zeros(count, np.bool_)
-        middle, found = np.empty(5), np.empty(9)
+        own, variance, edge = np.empty((2, count)), np.empty(count), edges[:count]
         for i in range(count):
             own[0, i], own[1, i] = places[0, first + i], places[1, first + i]
             variance[i] = noise[first + i] * noise[first + i]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.near_pairs import near_pairs
 from taxelflow.numerics.rounding import NEIGHBOUR
 from taxelflow.runtime.compiling import kernel
 
@@ -32,10 +33,12 @@ def open_sides(places: Floats) -> Floats:
 
     places: (2, taxels), in pitches.
     """
-    apart = places[:, np.newaxis, :] - places[:, :, np.newaxis]
-    near = np.hypot(*apart) < NEIGHBOUR
-    ways = [(sign * apart[axis], np.abs(apart[1 - axis])) for axis in range(2) for sign in (-1.0, 1.0)]
-    return np.array([~np.any(near & (on > IN_LINE) & (on > beside - 1e-9), axis=1) for on, beside in ways], np.float64)
+    first, _, apart = near_pairs(places, NEIGHBOUR)
+    sides = np.ones((4, places.shape[1]))
+    for side, (axis, sign) in enumerate([(0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)]):
+        on, beside = sign * apart[axis], np.abs(apart[1 - axis])
+        sides[side, first[(on > IN_LINE) & (on > beside - 1e-9)]] = 0.0
+    return sides
 
 
 @kernel

@@ -256,7 +256,7 @@ class Run:
         held = self._moved_apart
         moved_apart = held[0] if len(held) == 1 else np.concatenate(held)
         self._moved_apart = [moved_apart[len(slips) :]] if len(moved_apart) > len(slips) else []
-        if moved_apart.any():
+        if np.count_nonzero(moved_apart):
             slips.quality[moved_apart[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no rigid object moves so
         self._shifts.step(slips)
         self._estimated.append(slips.whole())  # slips are detected by what noise does

@@ -68,7 +68,7 @@ class ChannelMap:
         """
         sent = raw.values
         absurd = np.abs(sent) > _LARGEST
-        if absurd.any():
+        if np.count_nonzero(absurd):
             sent = np.where(absurd, np.nan, sent)
         values = np.ascontiguousarray(self.to_readings(sent))
         if self.shear_column is None:

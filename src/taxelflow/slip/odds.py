@@ -106,7 +106,8 @@ class _Forward:
             longer = self._by_longer(changes.longer[scan])
             self.last = _Bin(since_s, ratio, touching, odds, self._restless.restless, longer)
             found.append((scan, self.last))
-        self._slipped = self._slipped | slipping[start:].any(axis=0)
+        if np.count_nonzero(slipping[start:]):
+            self._slipped = self._slipped | slipping[start:].any(axis=0)
         return found
 
     def _by_longer(self, changes: Floats) -> Floats:

@@ -160,7 +160,7 @@ class SlipStage:
         slipping, found = self._verdict.step(slips, posed_slips, odds, decisive)
         complete = self._completed.step(slips, slipping, found, self._lost(count))
         statistic = statistics[:count]
-        if odds.restless.any():
+        if np.count_nonzero(odds.restless):
             statistic = np.where(odds.restless, np.exp(np.clip(decisive, -_MOST_LOG, _MOST_LOG)), statistic)
         sticks = self._sticking.step(slips.contact, slipping, odds.log_odds) if self._sheared else None
         events = [*complete, *self._completed.finish()] if last else complete

@@ -49,12 +49,12 @@ class Suspicion:
         suspected: (scans, pads), slipping by the pose alone. A slip is reported again where its pose has moved by a
         quarter of a pitch further from where it was suspected first than at the last report, half a second ago.
         """
-        begins = bool(suspected.any())
-        if not (begins or self._goes_on):
+        if not (self._goes_on or np.count_nonzero(suspected)):
             return {}
-        again = np.full(suspected.shape, np.nan)
-        _follow(suspected, slips.t_s, slips.displacement, self._reach_m, self._states, again)
-        self._goes_on = begins and bool(suspected[-1].any())
+        again = np.empty(suspected.shape)
+        self._goes_on, reported = _follow(suspected, slips.t_s, slips.displacement, self._reach_m, self._states, again)
+        if not reported:
+            return {}
         places = zip(*np.nonzero(np.isfinite(again)), strict=True)
         return {(int(scan), int(pad)): float(again[scan, pad]) for scan, pad in places}
 
@@ -62,14 +62,21 @@ class Suspicion:
 @kernel
 def _follow(
     suspected: Bools, t_s: Floats, displacement: Floats, reach_m: Floats, states: Records, again: Floats
-) -> None:
-    """Fill again (scans, pads). states: (pads,) of `Follow`."""
+) -> tuple[bool, bool]:
+    """Fill again (scans, pads), NaN where nothing is reported; whether a slip is still suspected, and whether one is
+    reported. states: (pads,) of `Follow`.
+    """
+    goes_on = reported = False
     for scan in range(suspected.shape[0]):
         for pad in range(suspected.shape[1]):
             state: Follow = states[pad]
+            again[scan, pad] = np.nan
             if suspected[scan, pad]:
                 again[scan, pad] = _go_on(t_s[scan], displacement[scan, pad], reach_m[pad], state)
             state.suspected = suspected[scan, pad]
+            reported |= not np.isnan(again[scan, pad])
+            goes_on |= suspected[scan, pad] and scan == len(suspected) - 1
+    return goes_on, reported
 
 
 @routine

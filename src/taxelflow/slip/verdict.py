@@ -26,7 +26,7 @@ from taxelflow.slip.suspicion import Suspicion
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.messages import Bools, Floats, Slips
+    from taxelflow.messages import Bools, Bytes, Floats, Slips
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.odds import Odds
 
@@ -59,6 +59,7 @@ def decide_block(
     flags: tuple[Bools, Bools, Bools, Bools, Bools, Bools],
     whole: NDArray[np.int64],
     log_odds: tuple[Floats, Floats],
+    since_s: Floats,
     last: Bools,
     last_by_odds: Bools,
     final: Bools,
@@ -68,7 +69,7 @@ def decide_block(
     slipping, agreed, contact, restless, sure, vague = flags
     now, soon = log_odds
     judged = np.where(restless, now > 0.0, slipping)
-    doubted = vague & ~restless & (soon < AGAINST)
+    doubted = ((vague & (soon < AGAINST)) | (since_s == np.inf)) & ~restless
     rests = np.zeros_like(final)
     for pad, part_of in enumerate(whole.tolist()):  # pads come before their groups
         if part_of >= 0:
@@ -94,6 +95,7 @@ def decide(
     flags: tuple[Bools, Bools, Bools, Bools, Bools, Bools],
     whole: NDArray[np.int64],
     log_odds: tuple[Floats, Floats],
+    since_s: Floats,
     last: Bools,
     last_by_odds: Bools,
     final: Bools,
@@ -103,8 +105,8 @@ def decide(
 
     flags: (scans, pads), slipping by the pose, agreed, contact, restless, whether the pose of a pad's only contact
     is `ok`, and whether a pose has another quality. whole: (pads,), see `pads_of_groups`. log_odds: of
-    now, and the highest within the time that a slip takes to show; (scans, pads) each. last, last_by_odds: (1, pads),
-    before.
+    now, and the highest within the time that a slip takes to show; (scans, pads) each. since_s: (scans, pads), see
+    `ShiftingLoad.step`; at inf no slip begins by its pose. last, last_by_odds: (1, pads), before.
     """
     slipping, agreed, contact, restless, sure, vague = flags
     now, soon = log_odds
@@ -115,8 +117,9 @@ def decide(
             if scan > 0:
                 was, by = final[scan - 1, pad], by_odds[scan - 1, pad]
             judged = now[scan, pad] > 0.0 if restless[scan, pad] else slipping[scan, pad]
-            unsure = slipping[scan, pad] and vague[scan, pad] and not restless[scan, pad]
-            unsure = unsure and soon[scan, pad] < AGAINST and not was
+            unsure = slipping[scan, pad] and not restless[scan, pad] and not was
+            doubted = vague[scan, pad] and soon[scan, pad] < AGAINST
+            unsure = unsure and (doubted or since_s[scan, pad] == np.inf)
             judged = judged and not unsure
             part_of = whole[pad]  # pads come before their groups
             rests = part_of >= 0 and sure[scan, part_of] and not final[scan, part_of]
@@ -124,6 +127,29 @@ def decide(
             by_odds[scan, pad] = restless[scan, pad] or agreed[scan, pad] or rests or unsure
             changes |= final[scan, pad] != was and (by or by_odds[scan, pad])
     return changes
+
+
+@kernel
+def find_vague(
+    quality: Bytes, border: Bools, contact: Bools, in_part: Bools, visible: Bools, judged: bool, vague: Bools
+) -> bool:
+    """Fill vague (scans, pads), poses that need their pattern's consent, of a stream; whether its method judges poses
+    of cut contacts by now.
+
+    quality, contact: (scans, pads). border: (scans, pads, 2). in_part: (pads,), groups with a part of a pad. visible:
+    (scans or 1, pads), slips that began early enough for their pattern to show them. judged: the answer so far.
+    """
+    scans, pads = quality.shape
+    for scan in range(scans):
+        for pad in range(pads):
+            cut = border[scan, pad, 0] or border[scan, pad, 1]
+            judged |= cut and contact[scan, pad] and quality[scan, pad] == OK
+        for pad in range(pads):
+            cut = border[scan, pad, 0] or border[scan, pad, 1]
+            by_border = cut and quality[scan, pad] == AMBIGUOUS and not judged
+            waits = in_part[pad] or visible[min(scan, len(visible) - 1), pad]
+            vague[scan, pad] = quality[scan, pad] > OK and (not by_border or waits)
+    return judged
 
 
 class Verdict:
@@ -137,6 +163,7 @@ class Verdict:
         self._numbers = {name: number for number, name in enumerate(layout.pads)}
         self._whole = pads_of_groups(layout)
         self._in_part: Bools = self._whole >= 0
+        self._grouped = bool(self._in_part.any())
         self._separate = [(contact, pad) for contact, pad in enumerate(layout.contact_of.tolist()) if pad >= 0]
         self._slipping = np.zeros((1, count), dtype=np.bool_)
         self._by_odds = np.zeros((1, count), dtype=np.bool_)
@@ -154,20 +181,13 @@ class Verdict:
         speaks against while the pose is not `ok`, becomes `slip_suspected`, again and again while its pose moves on.
         decisive: (scans, pads), the log odds by which a restless pad slips, see `Begun`.
         """
-        events, final, by_odds = posed.events, np.empty_like(posed.slipping), np.empty_like(posed.slipping)
-        doubted = posed.since_s == np.inf
-        flags = (
-            posed.slipping,
-            posed.agreed,
-            slips.contact,
-            odds.restless,
-            self._sure(slips),
-            self._vague(slips, events) | doubted,
-        )
-        soon = np.where(doubted, -np.inf, odds.soon)
+        events, (final, by_odds) = posed.events, np.empty((2, *posed.slipping.shape), dtype=np.bool_)
+        judged = self._sure(slips), self._vague(slips, events)
+        flags = (posed.slipping, posed.agreed, slips.contact, odds.restless, *judged)
         last, last_by_odds = self._slipping, self._by_odds
         decide_ = decide_block if is_block(len(slips), decide) else decide
-        changes = decide_(flags, self._whole, (decisive, soon), last, last_by_odds, final, by_odds)
+        log_odds = decisive, odds.soon
+        changes = decide_(flags, self._whole, log_odds, posed.since_s, last, last_by_odds, final, by_odds)
         self._slipping, self._by_odds = final[-1:], by_odds[-1:]
         again = self._suspicion.step(slips, posed.slipping & ~final)
         if not events and not changes and not again:
@@ -196,6 +216,8 @@ class Verdict:
 
     def _sure(self, slips: Slips) -> Bools:
         """(scans, pads), pads in contact with an `ok` pose that no separate contact shares."""
+        if not self._grouped:  # only groups ask
+            return slips.contact
         sure: Bools = slips.contact & (slips.quality == OK)
         for contact, pad in self._separate:
             sure[:, pad] &= ~slips.contact[:, contact]
@@ -203,16 +225,12 @@ class Verdict:
 
     def _vague(self, slips: Slips, events: list[Event]) -> Bools:
         """(scans, pads), poses that need their pattern's consent to begin a slip."""
-        vague: Bools = slips.quality > OK
         if not self._stream or self._judged:
+            vague: Bools = slips.quality > OK
             return vague
-        cut = slips.border[..., 0] | slips.border[..., 1]
-        by_border = cut & (slips.quality == AMBIGUOUS)
-        weighs = cut & slips.contact & (slips.quality == OK)
-        if weighs.any():
-            self._judged = True
-            by_border &= ~np.logical_or.accumulate(weighs.any(axis=1))[:, np.newaxis]
-        vague &= ~by_border | self._in_part | self._visible(slips, events)
+        vague = np.empty(slips.quality.shape, dtype=np.bool_)
+        marks = slips.quality, slips.border, slips.contact
+        self._judged = find_vague(*marks, self._in_part, self._visible(slips, events), self._judged, vague)
         return vague
 
     def _visible(self, slips: Slips, events: list[Event]) -> Bools:

@@ -64,7 +64,7 @@ _SURE_RAD = 0.1
 
 
 class Block(NamedTuple):
-    """Scans of one pad: t_s, contact and complete, each (scans,); pressure (scans, taxels); ceiling (taxels,)."""
+    """Scans of all pads, fields of `Scans`."""
 
     t_s: Floats
     pressure: Floats
@@ -74,10 +74,12 @@ class Block(NamedTuple):
 
 
 class Taxels(NamedTuple):
-    """Of one pad: places (2, taxels) in pitches, noise (taxels,), and the units (3,) of a pose in m, m, rad. share: of
-    a reading, its standard deviation by what the sensor does not show.
+    """Of one pad: its number, its first entry, places (2, taxels) in pitches, noise (taxels,), and the units (3,) of a
+    pose in m, m, rad. share: of a reading, its standard deviation by what the sensor does not show.
     """
 
+    pad: int
+    first: int
     places: Floats
     noise: Floats
     units: Floats
@@ -85,15 +87,16 @@ class Taxels(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """One scan of a block: its number, and (taxels,) what is read and its variance, 0 where it is missing."""
+    """One scan of a pad: its number, and (taxels,) what is read, its variance, 0 where it is missing, and ceiling."""
 
     number: int
     reading: Floats
     variance: Floats
+    ceiling: Floats
 
 
 class Steps(NamedTuple):
-    """What is filled in, fields of `Estimates` for one pad; they come in as NaN and 0."""
+    """What is filled in for all pads, fields of `Estimates`; they come in as NaN and 0."""
 
     pose: Floats
     covariance: Floats
@@ -106,23 +109,26 @@ class Steps(NamedTuple):
 
 @kernel
 def follow(block: Block, taxels: Taxels, spline: Interpolant, tracks: Records, last: Last, out: Steps) -> None:
-    """Fill out (scans, ...) of one pad. tracks: (1,) of `Track`; it and `last` are kept from block to block."""
-    track: Track = tracks[0]
+    """Fill out (scans, pads, ...) of one pad, `taxels`. tracks: (pads,) of `Track`; they and `last` are kept from block
+    to block. The arrays of all pads have one layout in memory for any number of pads: one compile.
+    """
+    pad, count = taxels.pad, len(taxels.noise)
+    own, track = slice(taxels.first, taxels.first + count), tracks[pad]
+    ceiling = block.ceiling[own]
     for k in range(len(block.t_s)):
-        if not block.contact[k]:
+        if not block.contact[k, pad]:
             track.running = False
             continue
-        now, variance = np.empty(len(taxels.noise)), np.empty(len(taxels.noise))
-        has_missing = prepare(block.pressure[k], taxels.noise, block.complete[k], now, variance)
-        if not block.complete[k]:
-            is_gap = not has_missing
-            if is_gap and track.running:  # nobody knows what the object did meanwhile
-                track.running, out.quality[k] = False, LOST
+        now, variance, complete = np.empty(count), np.empty(count), block.complete[k, pad]
+        has_missing = prepare(block.pressure[k, own], taxels.noise, complete, now, variance)
+        if not complete:
+            if not has_missing and track.running:  # a gap: nobody knows what the object did meanwhile
+                track.running, out.quality[k, pad] = False, LOST
             if not track.running:
                 continue
         if not track.running:
             begin(now, variance, taxels, spline, track, last)
-        advance(Scan(k, now, variance), block, taxels, spline, track, last, out)
+        advance(Scan(k, now, variance, ceiling), block, taxels, spline, track, last, out)
         track.running, track.t_s = True, block.t_s[k]
 
 
@@ -158,21 +164,16 @@ def remember(now: Floats, variance: Floats, spline: Interpolant, last: Last) -> 
 
 @routine
 def advance(
-    scan: Scan,
-    block: Block,
-    taxels: Taxels,
-    spline: Interpolant,
-    track: Track,
-    last: Last,
-    out: Steps,
+    scan: Scan, block: Block, taxels: Taxels, spline: Interpolant, track: Track, last: Last, out: Steps
 ) -> None:
     """Register a scan, add the step to the track, and fill the scan's row of out."""
-    k, now, variance = scan
+    (k, now, variance, ceiling), pad = scan, taxels.pad
+    matrix, step_matrix = out.covariance[k, pad], out.displacement_covariance[k, pad]
     begins = not track.running
     chosen = surroundings(last.reading, now, last.variance, variance, taxels.places)
     origin = track.pose.copy()
-    points = take(chosen, now, variance, block.ceiling, taxels.places, origin)
-    surface = surface_of(last, taxels, block.ceiling, spline, origin)
+    points = take(chosen, now, variance, ceiling, taxels.places, origin)
+    surface = surface_of(last, taxels, ceiling, spline, origin)
     count = len(points.taxel)
     fit = Fit(np.empty(STATE), np.zeros((count, DOF)), np.empty(count), np.empty((DOF, DOF)), np.empty((DOF, DOF)))
     g = np.empty((3, count))
@@ -201,21 +202,20 @@ def advance(
         update_yaw(track, turns)
         earlier = np.zeros((3, len(now)))
         earlier_gains(spline, surface.lattice, points, fit.state, g, earlier)
-        propagate(own, earlier, last, track.covariance, out.displacement_covariance[k])
+        propagate(own, earlier, last, track.covariance, step_matrix)
         add_step(fit.state, hidden_shares(fit, points, taxels.share), track)
-        out.span_s[k] = block.t_s[k] - track.t_s
-        write_step(fit.state, turns, taxels.units, out.displacement[k], out.displacement_covariance[k])
+        out.span_s[k, pad] = block.t_s[k] - track.t_s
+        write_step(fit.state, turns, taxels.units, out.displacement[k, pad], step_matrix)
     shows_turn = track.yaw == YAW_OBSERVABLE or (begins and turns)
-    write_pose(track, shows_turn, taxels.units, out.pose[k], out.covariance[k], out.unseen[k])
-    matrix, step_matrix = out.covariance[k], out.displacement_covariance[k]
+    write_pose(track, shows_turn, taxels.units, out.pose[k, pad], matrix, out.unseen[k, pad])
     forget_unobservable(spline.unobservable, begins, taxels.units, own, matrix, step_matrix)
     is_vague = is_blurred(own) or is_anywhere(track.covariance, taxels.places)
-    out.quality[k] = AMBIGUOUS if is_vague else NO_POSE  # where it does not judge, the pipeline does
+    out.quality[k, pad] = AMBIGUOUS if is_vague else NO_POSE  # where it does not judge, the pipeline does
     if misfit > freedom * gate(1.0, freedom):
-        out.quality[k] = UNRESOLVED
+        out.quality[k, pad] = UNRESOLVED
     keep_gains(g, points.taxel, last.gains)
     if not begins:
-        if not block.complete[k]:
+        if not block.complete[k, pad]:
             fill_missing(surface.c, surface.lattice, taxels.places, origin, taxels.noise, variance, fit.state, now)
         remember(now, variance, spline, last)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,7 +12,8 @@ from taxelflow.estimation.scan_matching.track import Last, Track
 from taxelflow.messages import Estimates, Scans
 from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.centroid import CELL_ERROR
-from taxelflow.numerics.records import Records, records
+from taxelflow.numerics.records import records
+from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -23,10 +23,8 @@ if TYPE_CHECKING:
 class _Pad(NamedTuple):
     """What is kept of a pad from scan to scan; see `follow`."""
 
-    own: slice
     taxels: Taxels
     spline: Interpolant
-    tracks: Records
     last: Last
 
 
@@ -40,41 +38,37 @@ class RegistrationSession:
         self._share = CELL_ERROR if layout.unseen_error else 0.0
         self._noise: Floats | None = None
         self._pads: list[_Pad] = []
+        self._tracks = records(Track, len(layout.pads))
+        self._follow = Settled(follow)
         self._compile()
 
     def step(self, scans: Scans) -> Estimates:
         """Estimates of all pads; see `EstimatorSession.step`."""
-        estimates = Estimates.unknown(scans)
-        if self._share:
-            estimates = replace(estimates, unseen=np.zeros_like(estimates.covariance))
-        if self._noise is None or not np.array_equal(scans.noise, self._noise):
-            self._learn(scans.noise)
-        for number, pad in enumerate(self._pads):
-            if scans.contact[:, number].any() or pad.tracks["running"][0]:
-                self._follow(number, pad, scans, estimates)
+        unseen = np.zeros((*scans.contact.shape, 3, 3))  # the kernel has one type for all sensors
+        estimates = Estimates.unknown(scans, unseen if self._share else None)
+        noise = scans.noise
+        if noise is not self._noise and (self._noise is None or not np.array_equal(noise, self._noise)):
+            self._learn(noise)
+        contact, complete = np.ascontiguousarray(scans.contact), np.ascontiguousarray(scans.complete)
+        block = Block(scans.t_s, np.ascontiguousarray(scans.pressure), contact, complete, scans.ceiling)
+        steps = Steps(
+            estimates.pose,
+            estimates.covariance,
+            estimates.displacement,
+            estimates.displacement_covariance,
+            estimates.span_s,
+            estimates.quality,
+            unseen,
+        )
+        for number in np.flatnonzero(scans.contact.any(axis=0) | self._tracks["running"]).tolist():
+            pad = self._pads[number]
+            self._follow(block, pad.taxels, pad.spline, self._tracks, pad.last, steps)
         estimates.lag_s[np.isfinite(estimates.pose[..., 0])] = 0.0
         return estimates
 
     def finish(self) -> Estimates:
         """Nothing is held back."""
         return self.step(self._blank(0))
-
-    def _follow(self, number: int, pad: _Pad, scans: Scans, estimates: Estimates) -> None:
-        block = Block(
-            scans.t_s,
-            np.ascontiguousarray(scans.pressure[:, pad.own]),  # one layout for any number of pads: one compile
-            np.ascontiguousarray(scans.contact[:, number]),
-            np.ascontiguousarray(scans.complete[:, number]),
-            scans.ceiling[pad.own],
-        )
-        names = ("pose", "covariance", "displacement", "displacement_covariance", "span_s", "quality")
-        filled = [np.ascontiguousarray(getattr(estimates, name)[:, number]) for name in names]
-        unseen = np.zeros((len(scans), 3, 3))  # the kernel has one type for all sensors
-        follow(block, pad.taxels, pad.spline, pad.tracks, pad.last, Steps(*(*filled, unseen)))
-        for name, values in zip(names, filled, strict=True):
-            getattr(estimates, name)[:, number] = values
-        if estimates.unseen is not None:
-            estimates.unseen[:, number] = unseen
 
     def _learn(self, noise: Floats) -> None:
         """Splines that suit the noise; what is known of a contact stays."""
@@ -84,7 +78,7 @@ class RegistrationSession:
         for number, name in enumerate(layout.pads):
             own = layout.of_pad(number)
             places, pitch_m = np.ascontiguousarray(self._places[:, own]), self._pitch_m[number]
-            taxels = Taxels(places, noise[own], np.array([pitch_m, pitch_m, 1.0]), self._share)
+            taxels = Taxels(number, own.start, places, noise[own], np.array([pitch_m, pitch_m, 1.0]), self._share)
             with on_one_core():
                 spline = Interpolant.of(name, places, noise[own] ** 2)
             if known:
@@ -92,7 +86,7 @@ class RegistrationSession:
                 continue
             (reading, variance), gains = np.zeros((2, own.stop - own.start)), np.zeros((3, own.stop - own.start))
             last = Last(reading, variance, gains, np.zeros(spline.shape))
-            self._pads.append(_Pad(own, taxels, spline, records(Track, 1), last))
+            self._pads.append(_Pad(taxels, spline, last))
 
     def _blank(self, scans: int) -> Scans:
         """Scans without contact."""
@@ -110,3 +104,4 @@ class RegistrationSession:
             flags[:] = True
         self.step(blank)
         self._pads, self._noise = [], None
+        self._tracks = records(Track, len(self._tracks))

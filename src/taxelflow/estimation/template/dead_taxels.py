@@ -10,6 +10,7 @@ import numpy as np
 from taxelflow.estimation.template.map import fill
 from taxelflow.estimation.template.observations import OUT
 from taxelflow.numerics.bspline import state_of
+from taxelflow.numerics.near_pairs import near_pairs
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -168,8 +169,9 @@ def silent_taxels(scanned: Scanned) -> NDArray[np.int64]:
 
 def _beside(places: Floats) -> Bools:
     """(taxels, taxels): which are neighbours. places: (2, taxels)."""
-    apart = np.hypot(*(places[:, :, np.newaxis] - places[:, np.newaxis, :]))
-    near: Bools = (apart > 0) & (apart < _SILENCE.beside)
+    first, second, way = near_pairs(places, _SILENCE.beside)
+    near = np.zeros((places.shape[1],) * 2, dtype=np.bool_)
+    near[first, second] = way.any(axis=0)
     return near
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.online.witness import reported_place, turned_by
+from taxelflow.estimation.template.online.witness import reported_places, turned_by
 from taxelflow.numerics.bspline import state_of, states_of
 from taxelflow.numerics.rounding import BLURRED
 
@@ -86,10 +86,8 @@ class Reported:
         weights = spans / (_BLURRED + np.array([own.variance for own in found]))
         states = keyframes.states[[number[own.t_s] for own in found]]
         angles = states_of(states).theta - m.theta_0
-        gaps = [
-            turned_by(own.place - reported_place(m, state), -angle)
-            for own, state, angle in zip(found, states, angles.tolist(), strict=True)
-        ]
+        away = np.array([own.place for own in found]) - reported_places(m, states)
+        gaps = np.ascontiguousarray(turned_by(away.T, -angles).T)
         shares = weights if weights.sum() > 0.0 else None
         mean: Floats = np.average(gaps, axis=0, weights=shares)
         return mean, 0.5 * float(np.average(np.sum((gaps - mean) ** 2, axis=1), weights=shares))
