@@ -176,9 +176,9 @@ class RestHypothesis:
         covariance, quality, origin_m = slips.covariance.copy(), slips.quality.copy(), rows.origin_m[:count]
         moved, held = rows.moved[:count], np.zeros((count, len(self._pitch_m), 2, 2))
         if begun_s is not None:
-            slides, later = begun_s <= slips.t_s[:, np.newaxis], np.isfinite(begun_s)
+            slides, dated = begun_s <= slips.t_s[:, np.newaxis], np.isfinite(begun_s)
             held = self._held.step(slips.pose[..., :2] - origin_m, slides, moved, rows.excursion[:count])
-            moved = moved | (_in_time(rows, self._ahead_s)[:count] & (slides | ~later))
+            moved = moved | (_in_time(rows, self._ahead_s)[:count] & (slides | ~dated))
         if sticks is not None:
             origin_m = np.where(sticks[..., np.newaxis], self._sticking.touched(slips), origin_m)
             moved = moved & ~sticks

@@ -63,9 +63,8 @@ class _Pattern:
 
 
 class Consent(NamedTuple):
-    """Of the pattern to slips by the pose, (scans, pads) each. since_s: when one that goes on began, as far as it
-    consents; inf where it does not, -inf without a slip. rests: whether rest explains the change clearly better, since
-    that slip began or it last did.
+    """Of the pattern to slips by the pose, (scans, pads) each. since_s: since when it consents to one that goes on; inf
+    where it does not. rests: whether rest explains the change clearly better, since that slip began or it last did.
     """
 
     since_s: Floats
@@ -87,11 +86,6 @@ class _Claim:
     since_s: float = np.inf
     shown: bool = False
     rests: bool = False
-
-    @property
-    def begun_s(self) -> float:
-        """When the slip began; inf without consent."""
-        return max(self.onset_s, self.since_s)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,7 +153,7 @@ class ShiftingLoad:
             resumed = before is not None and before.onset_s == event.onset_s  # its end was withdrawn
             claim = before if before is not None and resumed else self._claimed(pad, event)
             self._claims[pad] = claim
-        self._since_s[pad] = self._claims[pad].begun_s if pad in self._claims else -np.inf
+        self._since_s[pad] = self._claims[pad].since_s if pad in self._claims else -np.inf
         self._rests[pad] = pad in self._claims and self._claims[pad].rests
 
     def _claimed(self, pad: int, event: Event) -> _Claim:
@@ -206,7 +200,7 @@ class ShiftingLoad:
                 claim.since_s, claim.rests = min(claim.since_s, claim.rested_s), False
             elif claim.rests:
                 claim.before, claim.rested_s = now, now.until_s
-            self._since_s[pad], self._rests[pad] = claim.begun_s, claim.rests
+            self._since_s[pad], self._rests[pad] = claim.since_s, claim.rests
 
     def _compare(self, pad: int, claim: _Claim, before: _Pattern, now: _Pattern, noise: Floats) -> None:
         """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?"""
@@ -246,19 +240,20 @@ def _follow(displacement: Floats, path_m: Floats, out: Floats) -> None:
 
 
 def ahead(since_s: Floats, slipping: Bools, t_s: Floats, within_s: float, count: int) -> Floats:
-    """(count, pads), when a slip by the pose began that goes on, or else when the next one begins, if its pattern
-    consents within a time from the scan; inf where none does. Later than the scan, too, where the pose claims a slip
-    too early.
+    """(count, pads), since when a pattern consents to a slip by the pose that goes on, as known within a time from each
+    scan; later than the scan where the pose claims it too early. Else when the next such slip begins that is known by
+    then; inf where none is.
 
     since_s, slipping: (scans, pads), of these scans and later ones; t_s: (scans,).
     """
     soon = np.empty_like(since_s)
-    own_s, own, next_s, coming = (np.full(since_s.shape[1], np.inf) for _ in range(4))
+    own_s, own, coming_s, coming = (np.full(since_s.shape[1], np.inf) for _ in range(4))
     for scan in range(len(since_s) - 1, -1, -1):
         consents = slipping[scan] & (since_s[scan] < np.inf)
         own_s = np.where(slipping[scan], np.where(consents, t_s[scan], own_s), np.inf)
         own = np.where(consents, since_s[scan], own)
-        next_s, coming = np.where(consents, t_s[scan], next_s), np.where(consents, since_s[scan], coming)
-        latest_s = t_s[scan] + within_s
-        soon[scan] = np.where(own_s <= latest_s, own, np.where(next_s <= latest_s, coming, np.inf))
+        shown, latest_s = own_s < np.inf, t_s[scan] + within_s
+        coming_s = np.where(shown, own_s, coming_s)
+        coming = np.where(shown, np.maximum(own, t_s[scan]), coming)
+        soon[scan] = np.where(own_s <= latest_s, own, np.where(coming_s <= latest_s, coming, np.inf))
     return soon[:count]
