@@ -28,6 +28,6 @@ def test_a_rival_hypothesis_widens_the_covariance_along_its_distance() -> None:
     np.testing.assert_allclose(added[1], [[(0.1 * PITCH_M) ** 2, 0.0], [0.0, 0.0]])
     np.testing.assert_allclose(added[2], [[0.0, 0.0], [0.0, PITCH_M**2]])
     assert doubted.quality.tolist() == [OK, OK, AMBIGUOUS]
-    t_s, heard = np.arange(3.0), np.ones(3, np.bool_)
-    np.testing.assert_allclose(doubted.steps(t_s, heard)[1], poses.steps(t_s, heard)[1])
+    t_s, present = np.arange(3.0), np.ones(3, np.bool_)
+    np.testing.assert_allclose(doubted.steps(t_s, present)[1], poses.steps(t_s, present)[1])
     assert poses.doubted(rival[:0], PITCH_M) is poses

@@ -79,7 +79,7 @@ def test_what_is_not_known_is_not_drawn(contact: Contact, tmp_path: Path) -> Non
 def test_counts_stay_counts_and_small_pressures_pascals(contact: Contact, tmp_path: Path) -> None:
     weak = replace(contact.pattern, pressure=1e-2 * contact.pattern.pressure)
     assert "pressure in Pa" in words(replace(contact, pattern=weak), tmp_path)
-    assert "pressure in count" in words(replace(contact, unit="count"), tmp_path)
+    assert "pressure in counts" in words(replace(contact, unit="count"), tmp_path)
 
 
 @pytest.mark.long

@@ -52,8 +52,8 @@ class _Open:
 
 @dataclass(slots=True, eq=False)
 class _Done:
-    """Poses of a pad from scan `start` on; the first `known` of them were given out before. heard: (scans,), any of its
-    taxels was read.
+    """Poses of a pad from scan `start` on; the first `known` of them were given out before. present: (scans,), any
+    of its taxels was read.
     """
 
     pad: int
@@ -61,7 +61,7 @@ class _Done:
     known: int
     poses: Poses
     t_s: Floats
-    heard: Bools
+    present: Bools
 
 
 def _information(solved: Solved, scanned: Scanned, unseen_error: float) -> tuple[Floats, Floats]:
@@ -171,12 +171,12 @@ class BatchSession:
         """Solve a contact up to scan `stop` (excluded)."""
         layout, own = self._layout, self._layout.of_pad(pad)
         held = cut(self._all(), contact.start - self._first, stop - self._first)
-        heard = held.complete[:, pad] | (held.pressure[:, own] != 0).any(axis=1)
-        scans = held if heard.all() else of_scans(held, heard)
+        present = held.complete[:, pad] | (held.pressure[:, own] != 0).any(axis=1)
+        scans = held if present.all() else of_scans(held, present)
         known = 0 if contact.before is None else len(contact.before)
-        if not len(scans):  # the pad has been silent for a window
-            poses = Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, np.uint8)).spread(heard)
-            self._done.append(_Done(pad, contact.start, known, poses, held.t_s, heard))
+        if not len(scans):  # no taxel of the pad was read for a window
+            poses = Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, np.uint8)).spread(present)
+            self._done.append(_Done(pad, contact.start, known, poses, held.t_s, present))
             return poses
         pitch_m = float(self._pitch_m[pad])
         scanned = self._scanned(pad, scans, contact)
@@ -191,7 +191,7 @@ class BatchSession:
         dead = layout.source[own][solved.dead]
         if len(dead):
             self._dead.setdefault(layout.pads[pad], set()).update(dead.tolist())
-        poses = poses if heard.all() else poses.spread(heard)
+        poses = poses if present.all() else poses.spread(present)
         if contact.before is not None:
             poses = aligned(poses, contact.before)
         self.patterns.keep(
@@ -200,14 +200,14 @@ class BatchSession:
                 moment.pattern,
                 moment.scanned,
                 moment.states,
-                poses.pose[heard][moment.which[-1]],
+                poses.pose[present][moment.which[-1]],
                 error=solved.error,
                 pitch_m=pitch_m,
                 turns=moment.turns,
                 dead=dead,
             )
         )
-        self._done.append(_Done(pad, contact.start, known, poses, held.t_s, heard))
+        self._done.append(_Done(pad, contact.start, known, poses, held.t_s, present))
         return poses
 
     def _poses(self, pad: int, solved: Solved, scanned: Scanned, readings: Floats) -> tuple[Poses, Moment]:
@@ -279,7 +279,7 @@ class BatchSession:
         estimates.covariance[rows, pad] = poses.covariance[part]
         estimates.quality[rows, pad] = poses.quality[part]
         estimates.lag_s[rows, pad] = -self._lead[pad]
-        moved, noise, span = poses.steps(done.t_s, done.heard)
+        moved, noise, span = poses.steps(done.t_s, done.present)
         estimates.displacement[rows, pad] = moved[part]
         estimates.displacement_covariance[rows, pad] = noise[part]
         estimates.span_s[rows, pad] = span[part]

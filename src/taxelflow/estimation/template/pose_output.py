@@ -37,31 +37,31 @@ class Poses:
     def __len__(self) -> int:
         return len(self.pose)
 
-    def steps(self, t_s: Floats, heard: Bools) -> tuple[Floats, Floats, Floats]:
+    def steps(self, t_s: Floats, present: Bools) -> tuple[Floats, Floats, Floats]:
         """Displacement (scans, 3) since the scan before, its covariance (scans, 3, 3) and time (scans,); first NaN.
 
-        heard: (scans,), the others are passed over, and have none. The pattern's error is common to both scans; what is
-        left is the noise of both.
+        present: (scans,), the others are passed over, and have none. The pattern's error is common to both scans;
+        what is left is the noise of both.
         """
         moved, noise, span = (np.full_like(like, np.nan) for like in (self.pose, self.covariance, t_s))
         own = self.covariance - self.shared if self.noise is None else self.noise
-        at = np.flatnonzero(heard)
+        at = np.flatnonzero(present)
         now, before = at[1:], at[:-1]
         moved[now] = self.pose[now] - self.pose[before]
         noise[now] = own[now] + own[before]
         span[now] = t_s[now] - t_s[before]
         return moved, noise, span
 
-    def spread(self, heard: Bools) -> Poses:
-        """Poses of the scans that are heard (scans,), with unknown ones in the others."""
+    def spread(self, present: Bools) -> Poses:
+        """Poses of the scans that are present (scans,), with unknown ones in the others."""
 
         def among(values: Floats) -> Floats:
-            spread = np.full((len(heard), *values.shape[1:]), np.nan)
-            spread[heard] = values
+            spread = np.full((len(present), *values.shape[1:]), np.nan)
+            spread[present] = values
             return spread
 
-        quality = np.zeros(len(heard), np.uint8)
-        quality[heard] = self.quality
+        quality = np.zeros(len(present), np.uint8)
+        quality[present] = self.quality
         shared = self.shared if isinstance(self.shared, float) else among(self.shared)
         noise = None if self.noise is None else among(self.noise)
         return Poses(among(self.pose), among(self.covariance), quality, shared, noise)
