@@ -72,6 +72,13 @@ def test_the_marker_shows_the_speed(tmp_path: Path) -> None:
     assert np.isnan(marked.speed_m_s(np.array([-1.0, 0.0, 1e3]))).all()
 
 
+def test_shear_is_read_unless_it_is_not_asked_for(tmp_path: Path) -> None:
+    folder = write_recording(tmp_path / "a")
+    for shear in (True, False):
+        scans = next(open_marked(folder, shear=shear).recording.blocks())
+        assert (scans.shear is not None) == shear
+
+
 def test_a_frozen_marker_is_lost(tmp_path: Path) -> None:
     frozen = slice(IDLE + STILL, IDLE + STILL + MOVING)
     marked = open_marked(write_recording(tmp_path / "a", lost=frozen))

@@ -11,11 +11,13 @@ import csv
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 
 from taxelflow.acquire.columns import Columns
 from taxelflow.errors import RecordingCorrupt, RecordingMissing
 from taxelflow.pipeline import api
+from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -71,8 +73,8 @@ def marked_recordings(folder: Path) -> list[Path]:
     return found
 
 
-def open_marked(folder: Path) -> Marked:
-    """Open one recording of the data set. Raises RecordingCorrupt."""
+def open_marked(folder: Path, *, shear: bool = True) -> Marked:
+    """Open one recording of the data set. shear: whether it is read. Raises RecordingCorrupt."""
     rate_hz = float(_columns(folder / "meta_data.csv", ("frequency_hz",))[0, 0])
     position = _columns(folder / "marker.csv", _POSITION)
     moved = np.concatenate([[True], (np.diff(position, axis=0) != 0).any(axis=1)])
@@ -80,7 +82,9 @@ def open_marked(folder: Path) -> Marked:
     if seen.sum() < 2:
         raise RecordingCorrupt(folder / "marker.csv", "the marker is hardly ever seen", "leave the recording out")
     t_s = np.arange(len(position)) / rate_hz
-    recording = api.read(folder / READINGS, _SENSOR, columns=Columns(rate_hz=rate_hz))
+    sensor = load_sensor(_SENSOR)
+    sensor = sensor if shear else msgspec.structs.replace(sensor, shear=None)
+    recording = api.read(folder / READINGS, sensor, columns=Columns(rate_hz=rate_hz))
     return Marked(folder.name, recording, t_s[seen], position[seen])
 
 

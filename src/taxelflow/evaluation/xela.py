@@ -104,6 +104,8 @@ class Xela:
     """Processing mode: batch, stream or both."""
     half: Half | Literal["all"] = "all"
     """Part of the recordings: those by which slip detection was tuned, those that test it, or both in turn."""
+    shear: bool = True
+    """Whether slip detection has the shear of each taxel, its second witness."""
     stream_delay_s: float = 0.0
     """Delay of the slips of a stream besides that of its poses, s; subtracted before they are scored."""
 
@@ -131,7 +133,7 @@ class Xela:
         modes = MODES if self.mode == "both" else (self.mode,)
         found = []
         for half, path in watched(chosen, "recordings"):
-            marked = open_marked(path)
+            marked = open_marked(path, shear=self.shear)
             for method in self.methods:
                 for mode in modes:
                     result = api.estimate(marked.recording, method, mode=mode, condition=Conditioner(tare="start"))
