@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from tabled import hexagonal, table_sensor
+from taxelflow.numerics.cut import open_sides
+from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 
@@ -20,6 +22,19 @@ def test_a_hexagonal_pad_has_six_neighbours_within_and_a_border_around() -> None
     assert not layout.border[ring < 3].any()
     assert layout.border[ring == 3].any(axis=1).all()
     np.testing.assert_allclose(layout.pitch_m, 0.005)
+
+
+def test_of_triangular_taxels_those_along_the_sides_of_the_pad_are_its_border() -> None:
+    layout = load_sensor("triangle-64").layout
+    side_m, x, y = 0.040, layout.x_m, layout.y_m - layout.y_m.min()
+    inward_m = side_m / np.sqrt(3) / 8 / 2  # from a side to the centre of a taxel that has it as its own side
+    height = y + inward_m  # above the lower side
+    slanted = (np.sqrt(3) * (side_m / 2 - np.abs(x)) - height) / 2
+    nearest = np.minimum(height, slanted)
+    assert layout.border[nearest < 1.01 * inward_m].any(axis=1).all()
+    assert not layout.border[nearest > 2.01 * inward_m].any()
+    places = np.stack([layout.x_m, layout.y_m]) / layout.pitch_m[0, 0]
+    np.testing.assert_array_equal((open_sides(places) > 0).any(axis=0)[nearest > 2.01 * inward_m], False)
 
 
 def test_scattered_taxels_are_shown_apart_and_where_they_are() -> None:

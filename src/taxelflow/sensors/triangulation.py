@@ -7,7 +7,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.numerics.rounding import NEIGHBOUR
+from taxelflow.numerics.rounding import NEIGHBOUR, SECOND_RING, SECOND_SLOPE
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -16,6 +16,8 @@ _ADJACENT = 1.4
 """Largest distance in spacings of an adjacent taxel: below the diagonal of a square grid (1.41)."""
 _CONE = np.cos(np.radians(46.0))
 """Cosine of the largest angle between an axis and the direction to an adjacent taxel: every direction has one."""
+_NARROW = np.cos(np.arctan(SECOND_SLOPE))
+"""Likewise for one of the second ring."""
 _CELL = 0.999
 """Cell of the raster over the largest one in which no two taxels can be."""
 
@@ -64,20 +66,22 @@ def adjacent(xy: Floats, spacing: float) -> Indices:
     """(taxels, 2, 2): number of the nearest of the taxels (taxels, 2) to the left, right (x), below, above (y), or -1.
 
     A taxel is adjacent within 1.4 spacings and 46 degrees of that direction: in a square grid the next one of the row
-    or column, in a hexagonal grid any of the six around it.
+    or column, in a hexagonal grid any of the six around it. So is one within 1.8 spacings and 31 degrees: triangular
+    taxels have but three around them.
     """
     from scipy.spatial import cKDTree
 
-    pairs = cKDTree(xy).query_pairs(_ADJACENT * spacing, output_type="ndarray").reshape(-1, 2)
+    pairs = cKDTree(xy).query_pairs(SECOND_RING * spacing, output_type="ndarray").reshape(-1, 2)
     both = np.concatenate([pairs, pairs[:, ::-1]])
     vector = xy[both[:, 1]] - xy[both[:, 0]]
     distance = np.linalg.norm(vector, axis=1)
     far_first = np.argsort(-distance, kind="stable")  # nearer ones overwrite farther ones below
     both, vector, distance = both[far_first], vector[far_first], distance[far_first]
     found = np.full((len(xy), 2, 2), -1)
+    cone = np.where(distance < _ADJACENT * spacing, _CONE, _NARROW) * distance
     for axis in range(2):
         for side, sign in enumerate((-1.0, 1.0)):
-            inside = sign * vector[:, axis] >= _CONE * distance
+            inside = sign * vector[:, axis] >= cone
             found[both[inside, 0], axis, side] = both[inside, 1]
     return found
 
