@@ -12,6 +12,7 @@ from costly import mostly_long
 from rigged import rigged
 from synthetic import assert_same, grid_sensor, pieces, scans_of, slips_by
 from taxelflow.errors import ParameterInvalid
+from taxelflow.evaluation.hard_cases import CASES
 from taxelflow.evaluation.nees import consistency
 from taxelflow.evaluation.strokes import cut, trial, ungrouped
 from taxelflow.messages import LOST, OK
@@ -477,6 +478,15 @@ def test_a_pattern_of_noise_is_dropped_when_the_object_comes() -> None:
     centre = (values[8:] @ np.stack([PAD.layout.x_m, PAD.layout.y_m]).T) / values[8:].sum(axis=1, keepdims=True)
     assert np.isnan(slips.displacement[8, 0]).all()
     assert np.hypot(*(slips.pose[8:, 0, :2] - centre).T).max() < 0.5 * PITCH
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [0, 9])
+def test_a_round_object_that_slides_over_the_pad_four_times_does_not_turn(seed: int) -> None:
+    (case,) = (one for one in CASES if one.mode == "stream")
+    recording = ungrouped(simulate(case.change(trial(seed, 25))))
+    palm = api.estimate(recording, "template", mode="stream")[recording.known_truth.pad]
+    assert np.isnan(palm.pose[:, 2]).all()
 
 
 @both_modes

@@ -24,6 +24,7 @@ from taxelflow.estimation.template.turning import (
     explains_no_less,
     keeps_its_angle,
     outweighs_faults,
+    shows_angle,
     turns_steadily,
     turns_surely,
 )
@@ -135,7 +136,7 @@ def _straight(scanned: Scanned, turned: Solved) -> Solved:
 def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
     """The hypothesis of the lowest cost, with the distance to its rivals.
 
-    One with a free angle is chosen only if its angle is observable.
+    One with a free angle is chosen only if its angle is observable; if it costs more, in the pattern of the other, too.
     """
     best = _chosen(solved, scanned)
     near = [one for one in solved if one.error <= CLEARLY * best.error]
@@ -160,6 +161,7 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
     if best.turns or not free:
         return best
     known = keeps_its_angle(free[0], scanned) and explains_no_less(free[0], best, scanned)
+    known = known and shows_angle(best, free[0], scanned)
     return free[0] if known or turns_steadily(free[0], best, scanned) else best
 
 

@@ -69,6 +69,14 @@ def turns_steadily(free: Solved, held: Solved, scanned: Scanned) -> bool:
     return cost(free, scanned) - saved + few < cost(held, scanned)
 
 
+def shows_angle(held: Solved, free: Solved, scanned: Scanned) -> bool:
+    """Whether the angle is observable in the pattern of the held fit, too: free angles make a pattern of noise show it.
+
+    A round object on few taxels: 4 to 7 times the information of noise in free fits, 1 to 2 times in held ones.
+    """
+    return _observability(held, scanned, at=_most_informed(free)) > OBSERVABLE
+
+
 def keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
     """Whether the angle of a free fit is observable and constant; a pattern of noise makes any angle look constant."""
     variance, theta = _variances_of(free.fit.information).theta, states_of(free.states).theta
@@ -76,11 +84,16 @@ def keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
     return bool(np.quantile(theta**2 / variance, _MOST) < SIGNIFICANT**2) and turns_surely(free, scanned)
 
 
-def _observability(free: Solved, scanned: Scanned, *, pressed: bool = False) -> float:
-    """Observability of the angle, see `observability`, in the scan with the most information on it."""
-    scan = int(np.argmax(diagonals_of(free.fit.information).theta))
-    error = max(free.error, COARSE)
-    found = observability(free.pattern, scanned, free.states, free.fit.factor, scan, error, pressed=pressed)
+def _most_informed(free: Solved) -> int:
+    """The scan with the most information on the angle."""
+    return int(np.argmax(diagonals_of(free.fit.information).theta))
+
+
+def _observability(solved: Solved, scanned: Scanned, *, pressed: bool = False, at: int | None = None) -> float:
+    """Observability of the angle, see `observability`, in a scan, or in that with the most information on it."""
+    scan = _most_informed(solved) if at is None else at
+    error = max(solved.error, COARSE)
+    found = observability(solved.pattern, scanned, solved.states, solved.fit.factor, scan, error, pressed=pressed)
     return float(found.theta)
 
 
