@@ -105,7 +105,7 @@ class Xela:
     half: Half | Literal["all"] = "all"
     """Part of the recordings: those by which slip detection was tuned, those that test it, or both in turn."""
     shear: bool = True
-    """Give slip detection the shear of each taxel, its second witness."""
+    """Use the shear of each taxel, too: slip detection has it as its second witness."""
     stream_delay_s: float = 0.0
     """Delay of the slips of a stream besides that of its poses, s; subtracted before they are scored."""
 
