@@ -13,10 +13,10 @@ CERTAIN = 6.0
 LINE_POINTS = 3
 """Fewest points that determine a straight line and its error."""
 SECOND_RING = 1.8
-"""Pitches within which triangular taxels have one within 30 degrees of each direction: of the three next to each, at a
-pitch, none may be nearer to it than 60 degrees; those around, at 1.73 pitches, lie between."""
+"""Pitches within which a triangular taxel has another within 30 degrees of every direction. Only three are next to it;
+six more are at 1.73 pitches."""
 SECOND_SLOPE = 0.6
-"""Tangent of 31 degrees: taxels of the second ring on the diagonals of a square grid lie in no direction of its."""
+"""Tangent of 31 degrees: less than that of a diagonal of a square grid, so that the grid is as before."""
 NEIGHBOUR = 1.6
 """Pitches within which taxels are neighbours: beyond the diagonal of a square grid (1.41), short of the second ring of
 a triangular one (1.73) and of every second taxel in a row (2)."""

@@ -39,8 +39,8 @@ class Judged:
     change of the pattern; NaN where unknown. statistic: (scans, pads), that which decides, over its threshold: above 1
     it slips. It is that of the pose, on restless pads the odds; NaN where a scan was not tested. events: those that are
     complete, in time order; of a recording later than their scans, as slips wait for their end. sticks: (scans, pads),
-    see `Sticking`; None where no shear is measured. begun_s: (scans, pads), since when the pattern
-    consents to the slip by the pose that goes on, or when the next one begins, see `ahead`; None in streams.
+    see `Sticking`; None where no shear is measured. begun_s: (scans, pads), since when the
+    pattern consents to the slip by the pose that goes on, or when the next one begins, see `ahead`; None in streams.
     """
 
     slipping: Bools
