@@ -11,6 +11,7 @@ from taxelflow.estimation.template import hypotheses
 from taxelflow.estimation.template.hypotheses import coarse, likeliest, refined, solve
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.turning import keeps_its_angle
+from taxelflow.evaluation.hard_cases import dropped
 from taxelflow.evaluation.strokes import strokes_by, trial, ungrouped
 from taxelflow.messages import OK
 from taxelflow.pipeline import api
@@ -49,6 +50,13 @@ def test_an_object_smaller_than_a_taxel_neither_turns_nor_loses_its_speed() -> N
     ).all()  # its gains vary then, and it turns
     speeds = [stroke.all for stroke in strokes_by("template", recording, api.conditioned(recording))]
     assert speeds == pytest.approx([-50.0, 50.0], rel=0.01)  # with a loose start alone 2.4 mm/s are lost
+
+
+def test_a_stroke_without_its_saturated_readings_is_not_held_at_the_coarse_error() -> None:
+    drawn = trial(1, 50)
+    recording = ungrouped(simulate(replace(drawn, contact=replace(drawn.contact, peak_pa=200e3))))
+    speeds = [stroke.all for stroke in strokes_by("template", recording, dropped(api.conditioned(recording)))]
+    assert speeds == pytest.approx([-50.0, 50.0], rel=0.005)  # 4 % are lost where 5 % of the largest reading are left
 
 
 def test_a_round_object_that_the_border_cuts_does_not_turn() -> None:

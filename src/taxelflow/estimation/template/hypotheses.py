@@ -11,7 +11,7 @@ import numpy as np
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
 from taxelflow.estimation.template.depth import DEPTH_STD, as_heights, take_depth, with_depth
 from taxelflow.estimation.template.initialization import IncrementalMapper
-from taxelflow.estimation.template.likelihood import cost, learned_error
+from taxelflow.estimation.template.likelihood import FEWEST, cost, learned_error, touched
 from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE
 from taxelflow.estimation.template.rivals import agreement, apart_by_growth, apart_by_turn, reported
@@ -211,14 +211,19 @@ def coarse(scanned: Scanned, states: Floats, *, turns: bool, rounds: int = _FIRS
 def refined(scanned: Scanned, start: Solved) -> Solved:
     """Refine further from a coarse fit, learning the gains' spread and the error in between.
 
-    A fit with more than the coarse error may be limited by its smoothing, which grows with the error: an object smaller
-    than a taxel has a sharper pattern. Such a fit is also tried with a small error.
+    A fit may be limited by its smoothing, which grows with the error: an object smaller than a taxel has a sharper
+    pattern. So it is also tried with a small error. Up to the coarse error, the sharper fit must leave no more than the
+    small one and have enough readings to show it, because it explains faults of the taxels, too. For the same reason,
+    and for its time, it is not tried there if the sensor has an `unseen_error`.
     """
     own = start.copy()
     best = _refined(scanned, start, most_error=np.inf)
-    if best.error <= COARSE:
+    if best.error <= (COARSE if scanned.unseen_error else FINE):
         return best
     sharp = _refined(scanned, own, most_error=FINE)
+    tested = np.count_nonzero(touched(scanned)) >= FEWEST * sharp.fit.free
+    if best.error <= COARSE and not (tested and sharp.error <= FINE):
+        return best
     return min(best, _by_its_error(scanned, sharp), key=lambda one: cost(one, scanned))
 
 

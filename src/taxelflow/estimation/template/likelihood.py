@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _LEAST, _MOST = 1e-3, 0.5
 """Bounds of the error learned, as shares of the largest reading; every known sensor has more noise than the first."""
 FEWEST = 2
-"""Readings per parameter, at least, in the logarithm of its cost."""
+"""Readings per parameter, at least: in the logarithm of its cost, and of a fit whose error they show."""
 
 
 def learned_error(fit: Fit, scanned: Scanned) -> float:
