@@ -3,7 +3,8 @@
 Readings do not determine which point of an object is reported, the gauge of its map. Keyframes move when they are
 adjusted, and no choice of that point puts all of them where they were reported. This one does on average over the time
 that each keyframe stands for; those reported with a large variance count less. What is reported next has the error of
-the map now, not the sum of those of all before.
+the map now, not the sum of those of all before: how far keyframes were reported apart, beyond the variance that each
+was reported with.
 
 A map without rotation keeps its frame on the centre of pressure, see `witness`: a turn would mislead this mean.
 """
@@ -74,8 +75,8 @@ class Reported:
         self._places = [own._replace(span_s=float(span)) for own, span in zip(kept, spans, strict=True)]
 
     def off(self, m: Track, keyframes: Keyframes) -> tuple[Floats, float] | None:
-        """(2,), mean of how far keyframes were reported from where the map has them, at angle 0, and its variance along
-        x and y, mean; None if none was.
+        """(2,), mean of how far keyframes were reported from where the map has them, at angle 0, and by how much its
+        variance exceeds that reported, along x and y, mean; None if none was reported.
         """
         number = {t: k for k, t in enumerate(keyframes.scanned.t_s.tolist())}
         found = [own for own in self._places if own.t_s in number]
@@ -83,14 +84,16 @@ class Reported:
         if not found:
             return None
         spans[-1] += m.last_t - found[-1].t_s if found[-1] is self._places[-1] else 0.0
-        weights = spans / (_BLURRED + np.array([own.variance for own in found]))
+        known = np.array([own.variance for own in found])
+        weights = spans / (_BLURRED + known)
         states = keyframes.states[[number[own.t_s] for own in found]]
         angles = states_of(states).theta - m.theta_0
         away = np.array([own.place for own in found]) - reported_places(m, states)
         gaps = np.ascontiguousarray(turned_by(away.T, -angles).T)
         shares = weights if weights.sum() > 0.0 else None
         mean: Floats = np.average(gaps, axis=0, weights=shares)
-        return mean, 0.5 * float(np.average(np.sum((gaps - mean) ** 2, axis=1), weights=shares))
+        excess = float(np.average(np.sum((gaps - mean) ** 2, axis=1) - known, weights=shares))
+        return mean, 0.5 * max(excess, 0.0)
 
 
 def has_own_frame(m: Track) -> bool:

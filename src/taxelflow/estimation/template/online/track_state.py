@@ -117,7 +117,8 @@ class Track:
     broken: float
     """Variance of x and y since the contact began, where it was lost."""
     wander: float
-    """Variance of x and y by the frames of maps: how far keyframes were reported from where the map has them."""
+    """Variance of x and y by the frames of maps: how far keyframes were reported from where the map has them, beyond
+    the variance that they were reported with."""
     cut: bool
     """Whether this contact has ever been cut by the border."""
     probation: float
