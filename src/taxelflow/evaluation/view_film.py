@@ -11,8 +11,8 @@ from taxelflow.evaluation.base import Watch, unwatched
 from taxelflow.evaluation.view import Playing
 from taxelflow.publish.video import check_video, write_video
 from taxelflow.publish.view.browser import PATIENCE_S, drawn_by, headless, installed_browser
-from taxelflow.publish.view.camera import FOV_RAD
-from taxelflow.publish.view.server import PANEL_PIXELS, PageServer
+from taxelflow.publish.view.look import CAMERA, PANEL
+from taxelflow.publish.view.server import PageServer
 from taxelflow.runtime.checks import not_negative, positive
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def film_recording(
     try:
         playing.fill()
         times = frame_times(playing.page, part)
-        with headless(playing.page.url, WIDTH + PANEL_PIXELS + _BORDER, HEIGHT + _BORDER):
+        with headless(playing.page.url, WIDTH + PANEL.wide + _BORDER, HEIGHT + _BORDER):
             drawn = drawn_by(playing.page, WIDTH + _BORDER)
             return write_video(_frames(playing.page, drawn, watched(times.tolist(), "filming")), out, part.fps)
     finally:
@@ -92,7 +92,7 @@ def _frames(page: Page, drawn: Any, times: Any) -> Iterator[Frame]:
                 found.look_at + _FARTHER * (found.position - found.look_at),
                 found.look_at,
             )
-            camera = {"wxyz": found.wxyz, "position": found.position, "fov": FOV_RAD}
+            camera = {"wxyz": found.wxyz, "position": found.position, "fov": CAMERA.fov_rad}
             drawn.get_render(HEIGHT, WIDTH, timeout=PATIENCE_S, **camera)  # the first one may lack its labels
         frame = drawn.get_render(HEIGHT, WIDTH, timeout=PATIENCE_S, **camera)
         yield np.ascontiguousarray(frame[..., :3])
