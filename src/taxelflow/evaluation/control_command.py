@@ -198,9 +198,10 @@ class Control(Output):
 
     def _courses(self, name: str) -> list[Course]:
         """The trials of one controller, not run yet. Raises NameUnknown, ParameterInvalid."""
-        from taxelflow.evaluation.control import MOTION_END_S, Course
-        from taxelflow.simulation.mujoco.events import END_S, STANDARD_EVENTS
+        from taxelflow.evaluation.control import Course
+        from taxelflow.simulation.mujoco.events import STANDARD_EVENTS
         from taxelflow.simulation.mujoco.hands import DEFAULT_OBJECTS, check_objects
+        from taxelflow.simulation.mujoco.plants import TRIAL
         from taxelflow.simulation.mujoco.trial import Trial, drawn_in_turn
 
         for option, most, owner in (("by_mm", 25, "slide"), ("by_deg", 180, "pivot")):
@@ -225,7 +226,7 @@ class Control(Output):
         actuator, objects = self._actuator(), self.objects or objects
         trials: list[Trial] = list(drawn_in_turn(self.seed, self.trials, objects, self.events or events, draw))
         check_objects(self.hand, objects)
-        end_s = MOTION_END_S if name in _MOTIONS else END_S
+        end_s = TRIAL.motion_end_s if name in _MOTIONS else TRIAL.end_s
         return [
             Course(trial, kind(**own), self.method, actuator=actuator, end_s=end_s, hand=self.hand) for trial in trials
         ]
