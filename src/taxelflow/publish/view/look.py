@@ -129,6 +129,14 @@ class _Plots(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ratios: tuple[float, float]
 
 
+class _Film(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    wide: int
+    high: int
+    border: int
+    farther: float
+    frames: int
+
+
 class _Strip(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     wide: int
     names: int
@@ -156,6 +164,7 @@ class _Look(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     room: _Room
     panel: _Panel
     plots: _Plots
+    film: _Film
     strip: _Strip
 
 
@@ -173,4 +182,5 @@ LEGEND = _LOOK.legend
 ROOM = _LOOK.room
 PANEL = _LOOK.panel
 PLOTS = _LOOK.plots
+FILM = _LOOK.film
 STRIP = _LOOK.strip
