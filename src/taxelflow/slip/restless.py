@@ -17,7 +17,7 @@ import numpy as np
 
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.bins import BIN_S
-from taxelflow.slip.evidence import GROWTH, REST_CHANGE, REST_S, first_growths
+from taxelflow.slip.evidence import CHANGE, REST_S, first_growths
 from taxelflow.slip.pattern_change import STEADY_RISE
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class RestlessPads:
         self._calm, self._slipped = np.zeros(pads, dtype=np.int64), np.zeros(pads, dtype=np.int64)
         self._last = np.full(pads, np.nan)
         self._growths = [first_growths() for _ in range(pads)]
-        self._growth = np.full(pads, GROWTH)
+        self._growth = np.full(pads, CHANGE.growth)
 
     @property
     def growth(self) -> Floats:
@@ -70,6 +70,6 @@ class RestlessPads:
         self._stirred = forget * self._stirred + np.where(counts, np.nan_to_num(self._last), 0.0)
         self._last = changes.stirred[scan]
         for pad in np.flatnonzero(calm & (np.abs(changes.rise[scan]) > STEADY_RISE)).tolist():
-            grown = changes.unexplained[scan, pad] - changes.noise[scan, pad] - REST_CHANGE**2
+            grown = changes.unexplained[scan, pad] - changes.noise[scan, pad] - CHANGE.at_rest**2
             self._growths[pad].append(float(np.sqrt(max(grown, 0.0)) / abs(changes.rise[scan, pad])))
             self._growth[pad] = np.median(self._growths[pad])
