@@ -12,7 +12,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.commands import Output
 from taxelflow.runtime import registry
 from taxelflow.runtime.checks import not_negative
-from taxelflow.runtime.exit_codes import PARTLY_DONE
+from taxelflow.runtime.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -146,7 +146,7 @@ class Control(Output):
 
         report = sweep(self.controller, run)
         self.give(report, report.show)
-        return PARTLY_DONE if any(row.grasped < row.trials for row in report.rows) else 0
+        return ExitCode.PARTLY_DONE if any(row.grasped < row.trials for row in report.rows) else 0
 
     def _show(self) -> int:
         """Film a trial and draw one of each event; a film is left out where nothing can be rendered."""
@@ -237,4 +237,4 @@ def _blamed(rows: Sequence[TrialRow | MotionRow]) -> int:
     lost = [row for row in rows if not row.grasped]
     for row in lost:
         print(f"taxelflow: trial {row.seed} ({row.object}) was not grasped before the lift", file=sys.stderr)
-    return PARTLY_DONE if lost else 0
+    return ExitCode.PARTLY_DONE if lost else 0
