@@ -16,7 +16,7 @@ import numpy as np
 from taxelflow.messages import Event, Floats, Slips
 from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.slip.measurement import MIN_STD_M
-from taxelflow.slip.onset import MAX_AGE_SCANS
+from taxelflow.slip.onset import RAMPS
 from taxelflow.slip.session import Detected, SlipSession
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 class _Search:
     """Where a change is searched, and with which scans."""
 
-    back_scans: int = MAX_AGE_SCANS
+    back_scans: int = RAMPS.age_scans
     ahead_scans: int = 20
     """A change lies at most this many scans before its report, and the fit uses at most this many scans after the
     report. 64 is the largest age of a ramp of the onset detector."""

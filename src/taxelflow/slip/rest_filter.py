@@ -46,8 +46,8 @@ class _Scale(NamedTuple):
 _SCALE = _Scale()
 _BLOCK_POSES = 16
 """Products of consecutive u count one block of poses later: the last block may contain a slip not detected yet."""
-_MAX_CORRELATION, _MAX_INFLATION = 0.8, 9.0
-"""Autocorrelation from which on the variance inflation is constant, and that constant: (1 + 0.8) / (1 - 0.8)."""
+_MAX_INFLATION = 9.0
+"""Largest variance inflation: that of an autocorrelation of 0.8."""
 _RELAXATION_S = 1.0
 """Time constant of the Gauss-Markov processes b and c."""
 _YAW_POSES = 20
@@ -136,7 +136,7 @@ def correlation_inflation(rest: RestState) -> float:
     r = rest.product_sum / rest.square_sum - 1.0 / np.sqrt(rest.components)
     if r <= 0.0:
         return 1.0
-    return float((1.0 + r) / (1.0 - r)) if r < _MAX_CORRELATION else _MAX_INFLATION
+    return float((1.0 + r) / (1.0 - r)) if r < (_MAX_INFLATION - 1.0) / (_MAX_INFLATION + 1.0) else _MAX_INFLATION
 
 
 @routine
