@@ -45,10 +45,17 @@ class _Slip(NamedTuple):
 
 
 _SLIP = _Slip()
-MAX_STOPS = 12
-"""Stops that are tested at a time."""
-_RECENT_STOPS = 6
-"""The latest stops, which are never merged."""
+
+
+class _Stops(NamedTuple):
+    """Stops that are tested at a time."""
+
+    most: int = 12
+    recent: int = 6
+    """The latest stops, which are never merged."""
+
+
+_STOPS = _Stops()
 
 
 class Stop:
@@ -97,7 +104,7 @@ class SlideState:
     """Scratch values of `stop_odds`."""
     count: int
     """Stops in use, oldest first."""
-    stops: Annotated[Records, Stop, MAX_STOPS]
+    stops: Annotated[Records, Stop, _STOPS.most]
     stop: StopEstimate
 
 
@@ -220,8 +227,8 @@ def _estimate_stop(since_s: float, variance: float, position: Floats, stop: Stop
 def _start_stop(t_s: float, previous_s: float, slide: SlideState) -> None:
     """Add a stop between the measurement before and this one; its position is uniform over the path in between."""
     dt = t_s - previous_s
-    if slide.count == MAX_STOPS:
-        merge_closest(t_s, slide.count, _RECENT_STOPS, slide.stops)
+    if slide.count == _STOPS.most:
+        merge_closest(t_s, slide.count, _STOPS.recent, slide.stops)
         slide.count -= 1
     stop: Stop = slide.stops[slide.count]
     stop.start_s, stop.weight, stop.log_ratio = previous_s, dt, 0.0
