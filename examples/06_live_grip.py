@@ -14,8 +14,8 @@ import numpy as np
 from taxelflow import Conditioner, Live
 from taxelflow.control.hold import Hold
 from taxelflow.control.touch import Facing
-from taxelflow.simulation.mujoco.events import END_S
 from taxelflow.simulation.mujoco.gripper import sensor_of
+from taxelflow.simulation.mujoco.plants import TRIAL
 from taxelflow.simulation.mujoco.skin import Skin
 from taxelflow.simulation.mujoco.trial import Moment, Rehearsal, Trial
 
@@ -45,7 +45,7 @@ class EmulatedGripper(threading.Thread):
             for earlier in closing:
                 asked("closing", earlier)
             origin, force_n = moment.truth.slid_m, asked("holding", moment)
-            while rehearsal.t_s < END_S:
+            while rehearsal.t_s < TRIAL.end_s:
                 moment = rehearsal.step(force_n)
                 self.slid_m = float(np.linalg.norm(moment.truth.slid_m - origin))
                 force_n = asked("holding", moment)
@@ -74,4 +74,4 @@ gripper.server.close()
 print(
     f"the weight grew {trial.happening.times:.1f} times: slid {1e3 * gripper.slid_m:.1f} mm, ends with {force_n:.1f} N"
 )
-print(f"the least that holds is {trial.least_n(END_S):.1f} N")
+print(f"the least that holds is {trial.least_n(TRIAL.end_s):.1f} N")

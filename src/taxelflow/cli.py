@@ -40,7 +40,7 @@ from taxelflow.pipeline.live.command import Record, Run
 from taxelflow.pipeline.live.emulators.command import Emulate
 from taxelflow.runtime import registry
 from taxelflow.runtime.complaint import OUTPUT, complain
-from taxelflow.runtime.exit_codes import PARTLY_DONE
+from taxelflow.runtime.exit_codes import ExitCode
 from taxelflow.runtime.streams import settle_streams
 from taxelflow.simulation.command import Simulate
 from taxelflow.simulation.scenario import SCENARIOS
@@ -95,7 +95,7 @@ class Estimate(Recorded, Estimating):
             note_on_stderr(summary)
         else:
             print_summary(summary, self.out)
-        return PARTLY_DONE if summary.loss else 0
+        return ExitCode.PARTLY_DONE if summary.loss else 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +132,7 @@ class Convert(Recorded):
             print(f"taxelflow: {left_out(recording)}", file=sys.stderr)
         for note in (*reading.notes, *([reading.loss] if reading.loss else [])):
             print(f"taxelflow: {note}", file=sys.stderr)
-        return PARTLY_DONE if reading.loss else 0
+        return ExitCode.PARTLY_DONE if reading.loss else 0
 
 
 @dataclass(frozen=True)

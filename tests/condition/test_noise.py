@@ -7,7 +7,6 @@ import pytest
 
 from synthetic import dome, grid_sensor
 from taxelflow.condition import noise
-from taxelflow.condition.noise import noise_floor
 from taxelflow.condition.resting import near_taxels
 from taxelflow.condition.sample import WINDOW_SCANS
 
@@ -133,15 +132,6 @@ def test_another_unit_gives_the_same_noise_in_that_unit(factor: float) -> None:
     np.testing.assert_allclose(
         estimate_noise(factor * windows, LIVE), factor * estimate_noise(windows, LIVE), rtol=1e-9
     )
-
-
-def test_the_floor_is_the_step_of_a_converter_over_root_twelve() -> None:
-    readings = np.random.default_rng(0).integers(0, 4096, (10, 12, 30)) * 0.8
-    assert noise_floor(readings) == pytest.approx(max(0.8 / 12**0.5, 1e-4 * readings.max()), rel=0.01)
-
-
-def test_the_floor_of_few_distinct_values_takes_none_of_them_for_a_step() -> None:
-    assert noise_floor(np.array([0.0, 1000.0, 3000.0])) < 10
 
 
 # Recordings without idle scans

@@ -8,7 +8,7 @@ import pytest
 from synthetic import dome, grid_sensor
 from taxelflow import estimate, read
 from taxelflow.cli import main
-from taxelflow.condition.noise import are_whole
+from taxelflow.condition.converter import are_whole
 
 if TYPE_CHECKING:
     from pathlib import Path

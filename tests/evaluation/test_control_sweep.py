@@ -8,8 +8,8 @@ import pytest
 from taxelflow.cli import main
 from taxelflow.evaluation.control_sweep import doubled_bound_m
 from taxelflow.numerics.gravity import G_M_S2
-from taxelflow.simulation.mujoco.events import EVENT_S
 from taxelflow.simulation.mujoco.plant import Actuator
+from taxelflow.simulation.mujoco.plants import TRIAL
 from taxelflow.simulation.mujoco.trial import Trial
 
 Capture = pytest.CaptureFixture[str]
@@ -18,8 +18,8 @@ AT_ONCE = Actuator(bandwidth_hz=1e4)
 
 def test_the_bound_is_the_way_of_a_body_that_is_let_go_and_stopped() -> None:
     trial = Trial.drawn(3, "ball", "double")
-    least_n = trial.least_n(EVENT_S)
-    assert least_n == pytest.approx(2.0 * trial.least_n(EVENT_S - 0.01))
+    least_n = trial.least_n(TRIAL.event_s)
+    assert least_n == pytest.approx(2.0 * trial.least_n(TRIAL.event_s - 0.01))
     down, up = (G_M_S2 * (1.0 - force_n / least_n) for force_n in (trial.first_n, 1.5 * least_n))
     speed = down * 0.01
     way_m = speed * 0.01 / 2 + speed**2 / (2 * -up)
@@ -28,7 +28,7 @@ def test_the_bound_is_the_way_of_a_body_that_is_let_go_and_stopped() -> None:
 
 def test_the_bound_grows_with_latency_and_falls_with_bandwidth_and_force() -> None:
     trial = Trial.drawn(3, "ball", "double")
-    least_n = trial.least_n(EVENT_S)
+    least_n = trial.least_n(TRIAL.event_s)
     late = [doubled_bound_m(trial, Actuator(10.0, latency_s), 1.3 * least_n) for latency_s in (0.0, 0.01, 0.02, 0.05)]
     fast = [doubled_bound_m(trial, Actuator(bandwidth_hz), 1.3 * least_n) for bandwidth_hz in (5.0, 10.0, 30.0)]
     assert late == sorted(late)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from taxelflow.slip.evidence import (
-    REST_CHANGE,
+    CHANGE,
     distance,
     joint_log_likelihood_ratio,
     log_likelihood_ratio,
@@ -29,9 +29,9 @@ def ratio(change: float, rise: float = 0.0, noise: float = 0.0, growth: float = 
 
 
 def test_a_change_between_rest_and_slip_is_no_evidence() -> None:
-    assert ratio(REST_CHANGE * np.sqrt(6)) == pytest.approx(0, abs=1e-9)
-    assert ratio(REST_CHANGE) < -2
-    assert ratio(6 * REST_CHANGE) > 2
+    assert ratio(CHANGE.at_rest * np.sqrt(6)) == pytest.approx(0, abs=1e-9)
+    assert ratio(CHANGE.at_rest) < -2
+    assert ratio(6 * CHANGE.at_rest) > 2
 
 
 @given(st.floats(1e-4, 1), st.floats(1e-4, 1), st.floats(0, 2), st.floats(0, 0.5))

@@ -15,7 +15,7 @@ from taxelflow.messages import Floats
 from taxelflow.numerics.records import records
 from taxelflow.slip.detector import PadState
 from taxelflow.slip.measurement import Measurement, Parameters
-from taxelflow.slip.onset import MAX_RAMPS, OnsetState, Ramp, alarm_threshold
+from taxelflow.slip.onset import RAMPS, OnsetState, Ramp, alarm_threshold
 from taxelflow.slip.onset import likelihood_ratio as _likelihood_ratio
 from taxelflow.slip.onset import prune as _prune
 from taxelflow.slip.onset import shiryaev_roberts as _shiryaev_roberts
@@ -138,7 +138,7 @@ def with_unknown(covariance: Floats, *axes: int) -> Floats:
 @pytest.mark.parametrize("correlation", [0.0, 0.5])
 def test_the_statistic_is_the_one_of_its_definition(unknown: tuple[int, ...], scale: float, correlation: float) -> None:
     random = np.random.default_rng(0)
-    t_s = np.cumsum(random.uniform(0.005, 0.02, MAX_RAMPS - 2))
+    t_s = np.cumsum(random.uniform(0.005, 0.02, RAMPS.most - 2))
     load = np.cumsum(0.05 * random.standard_normal(len(t_s)))
     poses = scale * STD * np.cumsum(random.standard_normal((len(t_s), 3)), axis=0)
     covariance = with_unknown(CORRELATED, *unknown)
@@ -279,9 +279,9 @@ def pruned(scans: int, dt_s: float) -> tuple[Floats, Floats]:
         ramp["start_s"], ramp["weight"] = scan * dt_s, dt_s
         onset["count"] += 1
         prune((scan + 1) * dt_s, onset)
-        starts.append(onset["ramps"]["start_s"][: MAX_RAMPS - 1].copy())
-        weights.append(np.where(np.arange(MAX_RAMPS) < onset["count"], onset["ramps"]["weight"], 0.0)[:-1])
-    assert onset["count"] == MAX_RAMPS - 1
+        starts.append(onset["ramps"]["start_s"][: RAMPS.most - 1].copy())
+        weights.append(np.where(np.arange(RAMPS.most) < onset["count"], onset["ramps"]["weight"], 0.0)[:-1])
+    assert onset["count"] == RAMPS.most - 1
     return np.array(starts), np.array(weights)
 
 
@@ -296,15 +296,15 @@ def test_starts_of_a_slip_reach_back_two_seconds_or_64_scans(dt_s: float, oldest
 
 def test_the_first_starts_are_kept_and_merged_ones_weigh_as_both() -> None:
     starts, weights = pruned(60, 0.01)
-    assert (starts[MAX_RAMPS:, 0] == 0.0).all()
+    assert (starts[RAMPS.most :, 0] == 0.0).all()
     assert weights.sum(axis=1) == pytest.approx(np.arange(1, 61) * 0.01)  # nothing is lost before the first is too old
 
 
 def test_the_last_eight_starts_stay_and_older_ones_stand_as_far_apart_as_they_are_old() -> None:
     starts, weights = pruned(400, 0.01)
-    assert (weights[MAX_RAMPS:, -8:] == 0.01).all()
-    assert (weights[MAX_RAMPS:, -9] > 0.015).any()  # the ninth may be merged
-    for scan in range(MAX_RAMPS, 400):
+    assert (weights[RAMPS.most :, -8:] == 0.01).all()
+    assert (weights[RAMPS.most :, -9] > 0.015).any()  # the ninth may be merged
+    for scan in range(RAMPS.most, 400):
         age = np.round((scan + 1) - starts[scan] / 0.01)
         assert age[-8:].tolist() == list(range(8, 0, -1))
         assert (np.diff(age[::-1])[8:] <= 0.5 * age[::-1][9:]).all()

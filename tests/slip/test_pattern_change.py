@@ -14,7 +14,7 @@ from restless import SENSOR, held, slide, texture, tilt
 from synthetic import grid_sensor, scans_of
 from taxelflow.messages import cut
 from taxelflow.pipeline import api
-from taxelflow.slip.evidence import GROWTH, log_likelihood_ratio
+from taxelflow.slip.evidence import CHANGE, log_likelihood_ratio
 from taxelflow.slip.pattern_change import BASELINE_BINS, BEFORE_BINS, PatternChanges, PatternWatch
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def compared(scans: Scans, after: int = AFTER) -> PatternChanges:
 
 def ratios(changes: PatternChanges) -> Floats:
     """(scans, pads), log likelihood ratio of a contact not known yet."""
-    growth = np.full(changes.rise.shape, GROWTH)
+    growth = np.full(changes.rise.shape, CHANGE.growth)
     return log_likelihood_ratio(changes.unexplained, changes.noise, changes.rise, growth)
 
 

@@ -15,7 +15,7 @@ from taxelflow.numerics.records import records
 from taxelflow.runtime.compiling import kernel
 from taxelflow.slip.detector import PadState
 from taxelflow.slip.measurement import Measurement, Parameters
-from taxelflow.slip.onset import REACH, alarm_threshold
+from taxelflow.slip.onset import RAMPS, alarm_threshold
 from taxelflow.slip.onset import prune as _prune
 from taxelflow.slip.onset import shiryaev_roberts as _shiryaev_roberts
 from taxelflow.slip.parameters import SlipMonitor
@@ -48,7 +48,7 @@ def overshoots(
         rest.product_sum = rest.mean_log_load = rest.load_variance = 0.0
         rest.components = rest.square_sum = 2900.0
         for axis in range(3):
-            v[axis] = REACH * np.random.standard_normal()  # noqa: NPY002
+            v[axis] = RAMPS.reach * np.random.standard_normal()  # noqa: NPY002
             y[axis] = np.random.standard_normal()  # noqa: NPY002
         start_rest(y, 1.0, 0.0, parameters, rest)
         onset.count = passed = 0

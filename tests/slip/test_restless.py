@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.slip.evidence import GROWTH
+from taxelflow.slip.evidence import CHANGE
 from taxelflow.slip.pattern_change import PatternChanges
 from taxelflow.slip.restless import RestlessPads
 
@@ -34,7 +34,7 @@ def learned(slipped: bool, growth: float = 0.6) -> float:
 
 def test_what_a_load_changes_is_learned_at_rest() -> None:
     assert learned(slipped=False) == pytest.approx(0.6, rel=0.02)
-    assert learned(slipped=True) == GROWTH
+    assert learned(slipped=True) == CHANGE.growth
 
 
 def test_a_pad_is_calm_until_it_is_observed_not_to_be() -> None:

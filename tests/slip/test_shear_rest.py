@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.slip.evidence import GROWTH
+from taxelflow.slip.evidence import CHANGE
 from taxelflow.slip.pattern_change import PatternChanges
 from taxelflow.slip.shear_rest import ShearRest
 
@@ -22,7 +22,7 @@ def learned(spread: float, ratio: float, rise: float = 0.0, noise: float = 0.0) 
 
 def test_the_spread_at_rest_is_learned_where_the_pattern_rests() -> None:
     assert learned(0.05, -1.0)[0] == pytest.approx(0.05)
-    assert learned(0.05, 1.0) == learned(np.nan, -1.0) == (0.01, GROWTH)
+    assert learned(0.05, 1.0) == learned(np.nan, -1.0) == (0.01, CHANGE.growth)
 
 
 def test_noise_is_no_spread_of_the_skin() -> None:

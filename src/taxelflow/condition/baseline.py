@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.condition.converter import MIN_NOISE_SHARE, are_whole, lowest_reading
 from taxelflow.condition.health import Finding, find_faults
-from taxelflow.condition.noise import MIN_NOISE_SHARE, are_whole, estimate_noise, lowest_reading
+from taxelflow.condition.noise import estimate_noise
 from taxelflow.condition.resting import near_taxels
 from taxelflow.condition.tare import Offsets, find_offsets
 from taxelflow.condition.units import SATURATED_SHARE, full_scale

@@ -15,7 +15,7 @@ Without evidence the scan is kept.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -32,19 +32,34 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-_MAX_REPEAT_PROBABILITY = 1e-3
-"""A repeated scan is dropped if a new one would be equal with at most this probability."""
-_MIN_REVERSAL_RATE = 0.25
-"""A taxel that reverses in a smaller share of its scans may be quiet because its load is smooth: it is no evidence."""
-_MIN_TAXEL_PROBABILITY = 0.05
-"""Evidence of one taxel is worth no more than this: its reversal rate is an estimate."""
-_PRIOR_SCANS = 4.0
-"""Scans without a reversal that each taxel is credited with in advance."""
 
-_MIN_MEAN_RUN = 1.5
-"""A logger repeats scans if runs are on average this long, scans;"""
-_MAX_RUN_DEVIATION = 2.0
-"""... and the sum of any number of runs deviates from its mean by at most this many scans: two clocks do that."""
+class _Reversals(NamedTuple):
+    """Evidence from the noise: readings that reverse."""
+
+    probability: float = 1e-3
+    """A repeated scan is dropped if a new one would be equal with at most this probability."""
+    least_rate: float = 0.25
+    """A taxel that reverses in a smaller share of its scans may be quiet because its load is smooth: it is no
+    evidence."""
+    of_taxel: float = 0.05
+    """Evidence of one taxel is worth no more than this: its reversal rate is an estimate."""
+    prior_scans: float = 4.0
+    """Scans without a reversal that each taxel is credited with in advance."""
+
+
+_REVERSALS = _Reversals()
+
+
+class _Periodic(NamedTuple):
+    """Evidence from the lengths of runs of equal scans."""
+
+    mean: float = 1.5
+    """A logger repeats scans if runs are on average this long, scans;"""
+    deviation: float = 2.0
+    """... and the sum of any number of runs deviates from its mean by at most this many scans: two clocks do that."""
+
+
+_PERIODIC = _Periodic()
 MIN_LOADED_TAXELS = 3
 """Loaded taxels that a scan must have for its run to count."""
 
@@ -203,12 +218,12 @@ def _is_periodic(stream: StreamState) -> bool:
     for k in range(RUNS):
         total += stream.recent_runs[k]
     mean = total / RUNS
-    if mean < _MIN_MEAN_RUN:
+    if mean < _PERIODIC.mean:
         return False
     for k in range(RUNS):
         deviation += at(stream.recent_runs, stream.runs + k) - mean
         largest = max(largest, abs(deviation))
-    return bool(largest <= _MAX_RUN_DEVIATION)
+    return bool(largest <= _PERIODIC.deviation)
 
 
 @routine
@@ -217,15 +232,15 @@ def _is_evidence(values: Floats, ceiling: Floats, histories: Records, stream: St
     loaded = False
     for k in range(len(values)):
         loaded = loaded or histories[k].lowest < values[k] < ceiling[k]
-    return loaded and (stream.periodic or _repeat_probability(values, ceiling, histories) < _MAX_REPEAT_PROBABILITY)
+    return loaded and (stream.periodic or _repeat_probability(values, ceiling, histories) < _REVERSALS.probability)
 
 
 def is_recognised(reversals: NDArray[np.int64], judged_scans: NDArray[np.int64]) -> bool:
     """As `_repeat_probability` of loaded taxels (taxels,), below the threshold."""
-    rates = reversals / (judged_scans + _PRIOR_SCANS)
-    rates = rates[rates >= _MIN_REVERSAL_RATE]
-    chance = np.maximum(1.0 - np.sqrt(1.5 * rates), _MIN_TAXEL_PROBABILITY)
-    return bool(np.multiply.reduce(chance) < _MAX_REPEAT_PROBABILITY)
+    rates = reversals / (judged_scans + _REVERSALS.prior_scans)
+    rates = rates[rates >= _REVERSALS.least_rate]
+    chance = np.maximum(1.0 - np.sqrt(1.5 * rates), _REVERSALS.of_taxel)
+    return bool(np.multiply.reduce(chance) < _REVERSALS.probability)
 
 
 @routine
@@ -236,10 +251,10 @@ def _repeat_probability(values: Floats, ceiling: Floats, histories: Records) -> 
         taxel: TaxelHistory = histories[k]
         if not taxel.lowest < values[k] < ceiling[k]:
             continue
-        reversal_rate = taxel.reversals / (taxel.judged_scans + _PRIOR_SCANS)
-        if reversal_rate >= _MIN_REVERSAL_RATE:
-            probability *= max(1.0 - np.sqrt(1.5 * reversal_rate), _MIN_TAXEL_PROBABILITY)
-            if probability < _MAX_REPEAT_PROBABILITY:
+        reversal_rate = taxel.reversals / (taxel.judged_scans + _REVERSALS.prior_scans)
+        if reversal_rate >= _REVERSALS.least_rate:
+            probability *= max(1.0 - np.sqrt(1.5 * reversal_rate), _REVERSALS.of_taxel)
+            if probability < _REVERSALS.probability:
                 break
     return probability
 

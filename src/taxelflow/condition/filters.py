@@ -6,6 +6,8 @@ comes first. Both start again after a gap, in the steady state of the first read
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from taxelflow.errors import ParameterInvalid
@@ -13,8 +15,17 @@ from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records, record, records
 from taxelflow.runtime.compiling import kernel, routine
 
-_TRIAL_SCANS, _TRIAL_TAXELS, _TRIAL_SETTLING_SCANS = 20_000, 8, 2_000
-"""White noise that is filtered to measure the noise gain, to 1 %."""
+
+class _Trial(NamedTuple):
+    """White noise of a made-up pad."""
+
+    scans: int = 20_000
+    taxels: int = 8
+    settling_scans: int = 2_000
+    """White noise that is filtered to measure the noise gain, to 1 %."""
+
+
+_TRIAL = _Trial()
 _MIN_NOISE_SHARE = 0.01
 """A filtered reading below this share of the noise is 0 where the sensor reads 0: clipped taxels have no noise."""
 
@@ -49,10 +60,10 @@ class Filters:
         self._biquads = _butterworth(lowpass_hz, usual_s)
         self._median = median_scans
         self.lag_s = usual_s * (_delay(record(Biquad, self._biquads)) + 0.5 * (median_scans - 1))
-        self._reset(_TRIAL_TAXELS)
-        noise = np.random.default_rng(0).normal(size=(_TRIAL_SCANS, _TRIAL_TAXELS))
-        filtered = self.step(noise, np.zeros(_TRIAL_SCANS, dtype=np.bool_), np.zeros(_TRIAL_TAXELS))
-        self.noise_gain = float(filtered[_TRIAL_SETTLING_SCANS:].std())
+        self._reset(_TRIAL.taxels)
+        noise = np.random.default_rng(0).normal(size=(_TRIAL.scans, _TRIAL.taxels))
+        filtered = self.step(noise, np.zeros(_TRIAL.scans, dtype=np.bool_), np.zeros(_TRIAL.taxels))
+        self.noise_gain = float(filtered[_TRIAL.settling_scans :].std())
         self._reset(taxels)
 
     def _reset(self, taxels: int) -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.condition.noise import noise_floor
+from taxelflow.condition.converter import noise_floor
 from taxelflow.numerics.robust import robust_std
 
 if TYPE_CHECKING:

@@ -9,64 +9,84 @@ are estimated together (empirical Bayes on a tree), so that a taxel that has sho
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import gammainc, gammaln, logsumexp
 
+from taxelflow.condition.converter import UNKNOWN_NOISE, floor_of, levels_of, range_of, step_of
 from taxelflow.condition.resting import far_from_loads, rest_likelihood
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.rounding import ROUNDING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_GRID_RATIO = 1.25
-"""Ratio of neighbouring noise levels that are compared: the posterior's mean interpolates between them."""
-_LARGEST_SHARE = 0.25
-"""Largest noise that is considered, as a share of the range of the readings."""
-_LIKELY_SHARE, _LIKELY_LOG_STD = 0.005, 1.5
-"""Noise, as a share of the range, before anything is seen: within 0.02 and 10 % of it by two standard deviations."""
-_ALIKE_LOG_STD = 0.25
-"""Standard deviation of the logarithm of the noise among the taxels of a pad, and among pads."""
-_STRANGE_SHARE = 1e-3
-"""Share of taxels whose noise is not like the others': it may have any level."""
-_DOF_SHARE = 0.514
-"""Degrees of freedom of the mean square of second differences, a difference: neighbouring ones are correlated."""
+
+@dataclass(frozen=True, slots=True)
+class _Levels:
+    """Levels of noise before anything is seen."""
+
+    ratio: float = 1.25
+    """Ratio of neighbouring noise levels that are compared: the posterior's mean interpolates between them."""
+    largest: float = 0.25
+    """Largest noise that is considered, as a share of the range of the readings."""
+    likely: float = 0.005
+    likely_log_std: float = 1.5
+    """Noise, as a share of the range, before anything is seen: within 0.02 and 10 % of it by two standard
+    deviations."""
+    alike_log_std: float = 0.25
+    """Standard deviation of the logarithm of the noise among the taxels of a pad, and among pads."""
+    strange: float = 1e-3
+    """Share of taxels whose noise is not like the others': it may have any level."""
+
+
+_LEVELS = _Levels()
+
+
+@dataclass(frozen=True, slots=True)
+class _Steady:
+    """Windows in which a taxel is loaded steadily."""
+
+    freedom: float = 0.514
+    """Degrees of freedom of the mean square of second differences, a difference: neighbouring ones are correlated."""
+    line_ratio: float = 2.5
+    """In a steady window the variance about a line is at most this ratio to that by second differences; noise that is
+    independent from scan to scan exceeds it in 3 % of the windows, a passing object hardly ever falls below."""
+    differences: int = 8
+    """Second differences that a window needs, if any window has as many."""
+    clipped: float = 0.1
+    """A window in which a taxel reads its lowest value, or saturates, in a larger share of scans shows clipping, not
+    noise."""
+    windows: int = 96
+    """Windows of second differences, at most, evenly from the sample: with five degrees of freedom each, for 4 %."""
+
+
+_STEADY = _Steady()
 _SECOND_DIFFERENCE_VARIANCE = 1.0**2 + 2.0**2 + 1.0**2
 """Variance of a - 2 b + c over that of one reading."""
 _QUIET_SHARES = np.array([0.05, 0.3, 0.9])
 """Shares of windows in which a taxel is loaded steadily: equally likely before anything is seen."""
-_MAX_LINE_RATIO = 2.5
-"""In a steady window the variance about a line is at most this ratio to that by second differences; noise that is
-independent from scan to scan exceeds it in 3 % of the windows, a passing object hardly ever falls below."""
-_MIN_DIFFERENCES = 8
-"""Second differences that a window needs, if any window has as many."""
-_MAX_CLIPPED_SHARE = 0.1
-"""A window in which a taxel reads its lowest value, or saturates, in a larger share of scans shows clipping, not noise.
-"""
-_MAX_CLIPPED_REST = 0.9
-"""A taxel that is clipped in a larger share of its scans shows no noise while unloaded: what is left are light loads.
-"""
-_MIN_NEUMANN_RATIO = 0.5
-"""Mean squared difference of neighbouring scans over that of any two, below which unloaded readings are light loads:
-independent ones fall below it in 2 % of 20 scans."""
-_MAX_WINDOWS = 96
-"""Windows of second differences, at most, evenly from the sample: with five degrees of freedom each, for 4 %."""
-_MIN_REST_SCANS = 4
-"""Readings from which a taxel's level, share and noise are estimated: of fewer, some are close by chance."""
-_MAX_REST_SCANS, _MAX_REST_READINGS = 96, 12_000
-"""Scans and readings that are searched for unloaded ones, at most: for 1 % of a noise common to all."""
-_MAX_READINGS = 200_000
-"""Readings that are searched for the quantisation step, at most: sorting takes time."""
-_MIN_LEVELS = 16
-"""With fewer distinct readings the smallest step may be that of an image of few values, not the converter's."""
-_RANGE_QUANTILE = 0.995
-"""Quantile of the distinct readings that stands for the largest: one glitch is not the sensor's range."""
-MIN_NOISE_SHARE = 1e-4
-"""Smallest noise as a share of the range of the readings: no tactile sensor resolves more than 13 bits."""
-UNKNOWN_NOISE = 1e-150
-"""Noise of a sensor whose readings are all alike, without a declared step: above 0, and so is its square."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Rest:
+    """Readings of a taxel while it is unloaded."""
+
+    clipped: float = 0.9
+    """A taxel that is clipped in a larger share of its scans shows no noise while unloaded: what is left are light
+    loads."""
+    neumann_ratio: float = 0.5
+    """Mean squared difference of neighbouring scans over that of any two, below which unloaded readings are light
+    loads: independent ones fall below it in 2 % of 20 scans."""
+    fewest: int = 4
+    """Readings from which a taxel's level, share and noise are estimated: of fewer, some are close by chance."""
+    scans: int = 96
+    readings: int = 12_000
+    """Scans and readings that are searched for unloaded ones, at most: for 1 % of a noise common to all."""
+
+
+_REST = _Rest()
 
 
 def estimate_noise(
@@ -86,20 +106,22 @@ def estimate_noise(
     """
     noise = np.zeros(len(masked))
     live = _without_repeats(np.where(np.isfinite(windows) & ~masked, windows, np.nan))
-    levels = _levels(live)
+    levels = levels_of(live)
     if not len(levels):
         return noise
-    found_step, reach = _step(levels), _range(levels)
-    floor = max(_floor(found_step, reach), step / 12**0.5)
+    found_step, reach = step_of(levels), range_of(levels)
+    floor = max(floor_of(found_step, reach), step / 12**0.5)
     if reach <= 0.0:
         noise[~masked] = floor if floor > UNKNOWN_NOISE else max(unknown, UNKNOWN_NOISE)
         return noise
     live[live >= np.broadcast_to(ceiling, masked.shape)] = np.inf  # loaded, by how much is not known
-    grid = floor * _GRID_RATIO ** np.arange(1 + max(1.0, np.log(_LARGEST_SHARE * reach / floor) / np.log(_GRID_RATIO)))
+    grid = floor * _LEVELS.ratio ** np.arange(
+        1 + max(1.0, np.log(_LEVELS.largest * reach / floor) / np.log(_LEVELS.ratio))
+    )
     cut = float(levels[0]) + 0.5 * max(found_step, step)
     rest = _rest_likelihood(live, near, grid, cut, reach)
     steady, weight = _steady_likelihood(live, grid, float(levels[0]), pads)
-    prior = -0.5 * (np.log(grid / (_LIKELY_SHARE * reach)) / _LIKELY_LOG_STD) ** 2
+    prior = -0.5 * (np.log(grid / (_LEVELS.likely * reach)) / _LEVELS.likely_log_std) ** 2
     found = _pooled(rest + steady, rest + weight * steady, pads, grid, prior)
     noise[~masked] = np.maximum(found, floor)[~masked]
     return noise
@@ -118,67 +140,16 @@ def _without_repeats(live: Floats) -> Floats:
     return kept
 
 
-def noise_floor(readings: Floats) -> float:
-    """Standard deviation of the quantisation step found in any array of readings, at least a share of their range."""
-    levels = _levels(readings)
-    return _floor(_step(levels), _range(levels)) if len(levels) else UNKNOWN_NOISE
-
-
-def lowest_reading(windows: Floats) -> float:
-    """Half a quantisation step above the lowest reading: what would read less is clipped, or rounded, to it."""
-    levels = _levels(windows)
-    return float(levels[0]) + 0.5 * _step(levels) if len(levels) else 0.0
-
-
-def are_whole(numbers: Floats) -> bool:
-    """Whether all numbers that are known are whole, to rounding: a converter's counts.
-
-    Readings that are scaled to 0..1 are declared as counts, too; their quantisation step is found from the readings.
-    """
-    some = numbers[np.isfinite(numbers)]
-    whole = np.round(some)
-    return bool((np.abs(some - whole) <= ROUNDING * np.maximum(1.0, np.abs(some))).all())
-
-
-def _levels(readings: Floats) -> Floats:
-    """The distinct readings, in order, of some of them."""
-    some = readings.reshape(-1)[:: 1 + readings.size // _MAX_READINGS]
-    levels: Floats = np.unique(some[np.isfinite(some)])
-    return levels
-
-
-def _range(levels: Floats) -> float:
-    """From the lowest reading to the largest, glitches left out."""
-    with np.errstate(over="ignore"):
-        return float(np.quantile(levels - levels[0], _RANGE_QUANTILE))
-
-
-def _step(levels: Floats) -> float:
-    """The converter's step; 0 if it is unknown."""
-    largest = _range(levels)
-    if len(levels) < _MIN_LEVELS:
-        return 0.0
-    with np.errstate(over="ignore"):
-        steps = np.diff(levels)
-    tiny = ROUNDING * max(largest, float(np.abs(levels).max()))  # smaller ones are rounding errors
-    step = float(steps[steps > tiny].min(initial=largest))
-    return step if step < largest / _MIN_LEVELS else 0.0
-
-
-def _floor(step: float, reach: float) -> float:
-    return max(step / 12**0.5, MIN_NOISE_SHARE * reach, UNKNOWN_NOISE)
-
-
 def _rest_likelihood(live: Floats, near: NDArray[np.int64], grid: Floats, cut: float, reach: float) -> Floats:
     """(taxels, grid), logarithm, by the unloaded readings of windows (windows, scans, taxels); 0 for what has none."""
     per_window = live.shape[1]
-    some = live[:: 1 + len(live) * per_window // _MAX_REST_SCANS]
+    some = live[:: 1 + len(live) * per_window // _REST.scans]
     readings = far_from_loads(some.reshape(-1, live.shape[2]), near)
     known = np.isfinite(readings)
     clipped = np.sum(readings <= cut, axis=0, where=known)
-    usable = (known.sum(axis=0) >= _MIN_REST_SCANS) & (clipped <= _MAX_CLIPPED_REST * known.sum(axis=0))
+    usable = (known.sum(axis=0) >= _REST.fewest) & (clipped <= _REST.clipped * known.sum(axis=0))
     usable = np.flatnonzero(usable & _independent(readings.reshape(some.shape)))
-    usable = usable[:: 1 + len(readings) * len(usable) // _MAX_REST_READINGS]
+    usable = usable[:: 1 + len(readings) * len(usable) // _REST.readings]
     likelihood = np.zeros((live.shape[2], len(grid)))
     if len(usable):
         likelihood[usable] = rest_likelihood(readings[:, usable], grid, cut, reach)
@@ -195,7 +166,7 @@ def _independent(far: Floats) -> Bools:
     variance = (np.where(known, far - mean, 0.0) ** 2).sum(axis=(0, 1)) / np.maximum(known.sum(axis=(0, 1)) - 1, 1)
     both = known[:, 1:] & known[:, :-1]
     change = np.where(both, far[:, 1:] - far[:, :-1], 0.0) ** 2
-    ratio_above = change.sum(axis=(0, 1)) > _MIN_NEUMANN_RATIO * 2 * variance * both.sum(axis=(0, 1))
+    ratio_above = change.sum(axis=(0, 1)) > _REST.neumann_ratio * 2 * variance * both.sum(axis=(0, 1))
     independent: Bools = ratio_above & (variance > 0)
     return independent
 
@@ -204,7 +175,7 @@ def _steady_likelihood(live: Floats, grid: Floats, bottom: float, pads: NDArray[
     """(taxels, grid), logarithm, by the second differences of windows; and the weight (taxels, 1) that makes all taxels
     of a pad count like one: they move together.
     """
-    some = live[:: 1 + len(live) // _MAX_WINDOWS]
+    some = live[:: 1 + len(live) // _STEADY.windows]
     variance, freedom, is_line = _window_variances(some, bottom)
     window, taxel = np.nonzero(np.isfinite(variance))
     value, dof, line = variance[window, taxel], freedom[window, taxel], is_line[window, taxel]
@@ -232,14 +203,14 @@ def _window_variances(live: Floats, bottom: float) -> tuple[Floats, Floats, Bool
         difference = (live[:, :-2] - 2 * live[:, 1:-1] + live[:, 2:]) ** 2
         known = np.isfinite(difference)
         count = known.sum(axis=1)
-        enough = max(min(_MIN_DIFFERENCES, int(count.max(initial=1))), 1)
+        enough = max(min(_STEADY.differences, int(count.max(initial=1))), 1)
         variance = np.sum(difference, axis=1, where=known) / np.maximum(count, 1) / _SECOND_DIFFERENCE_VARIANCE
-        clipped = (live <= bottom).mean(axis=1) >= _MAX_CLIPPED_SHARE
-        saturated = np.isposinf(live).mean(axis=1) >= _MAX_CLIPPED_SHARE
+        clipped = (live <= bottom).mean(axis=1) >= _STEADY.clipped
+        saturated = np.isposinf(live).mean(axis=1) >= _STEADY.clipped
         about_line = _variance_about_line(live)
     usable = (count >= enough) & ~clipped & ~saturated & np.isfinite(variance)
     usable &= variance > 0  # constant: clipped above a lowest glitch, stuck, or quieter than the step
-    return np.where(usable, variance, np.nan), _DOF_SHARE * count, about_line <= _MAX_LINE_RATIO * variance
+    return np.where(usable, variance, np.nan), _STEADY.freedom * count, about_line <= _STEADY.line_ratio * variance
 
 
 def _variance_about_line(live: Floats) -> Floats:
@@ -262,9 +233,9 @@ def _pooled(own: Floats, shared: Floats, pads: NDArray[np.int64], grid: Floats, 
     of the sensor's level.
     """
     steps = np.arange(len(grid))
-    like = np.exp(-0.5 * ((steps - steps[:, np.newaxis]) * np.log(_GRID_RATIO) / _ALIKE_LOG_STD) ** 2)
+    like = np.exp(-0.5 * ((steps - steps[:, np.newaxis]) * np.log(_LEVELS.ratio) / _LEVELS.alike_log_std) ** 2)
     like /= like.sum(axis=1, keepdims=True)
-    alike = (1 - _STRANGE_SHARE) * like + _STRANGE_SHARE / len(grid)
+    alike = (1 - _LEVELS.strange) * like + _LEVELS.strange / len(grid)
     to_pad = _passed(shared, alike)
     of_pads = np.zeros((int(pads.max(initial=0)) + 1, len(grid)))
     np.add.at(of_pads, pads, to_pad)

@@ -23,27 +23,48 @@ from taxelflow.numerics.rounding import CERTAIN
 
 MAX_OFFSET_SHARE = NEAR_LOAD_SHARE
 """Largest offset as a share of the reference (full scale, or the largest reading): a larger one may be a load."""
-MIN_GEARY_RATIO = 0.5
-"""Smallest Geary ratio, the mean squared difference of neighbours over that of taxels drawn at random, of an
-unstructured offset. Random offsets of 24 taxels fall below it 3 times in 10,000; a contact does, unless it is about as
-narrow as a taxel."""
-SUSPECT_SIGMAS, MIN_SUSPECT_GEARY_RATIO = 4.5, 0.8
-"""A pad with a taxel beyond this many robust standard deviations may be a narrow contact: it needs a higher ratio."""
-FLAT_SIGMAS = 2.0
-"""Offsets whose standard deviation over the pad is below this many of their own are equal: there is no structure."""
-MIN_NEIGHBOUR_PAIRS = 8
-"""With fewer pairs of neighbours the Geary ratio is not significant."""
-MAX_CLIPPED_SHARE = 0.02
-"""Where a larger share of a pad's readings is clipped, their mean is above the offset: a likelihood gives it."""
-MAX_CLIPPED_WINDOWS = 64
-"""Windows that are enough for it, where a pad has been idle."""
-MIN_IDLE_SCANS = 3.0
-"""Unloaded scans from which a taxel's offset is known: fewer may be a light load that just pauses."""
-MIN_KNOWN_SHARE = 1 / 3
-"""Share of a pad's taxels that must be unloaded at some time: fewer may be the rim of a contact."""
-LIKELY_SPREADS = 2.0
-"""Where a taxel is never unloaded together with its neighbours, its own lowest level counts if it is within this many
-standard deviations of the pad's offsets, and loads come on top."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Structure:
+    """When the offsets of a pad have a structure, as a contact has."""
+
+    geary_ratio: float = 0.5
+    """Smallest Geary ratio, the mean squared difference of neighbours over that of taxels drawn at random, of an
+    unstructured offset. Random offsets of 24 taxels fall below it 3 times in 10,000; a contact does, unless it is about
+    as narrow as a taxel."""
+    suspect_sigmas: float = 4.5
+    suspect_ratio: float = 0.8
+    """A pad with a taxel beyond this many robust standard deviations may be a narrow contact: it needs a higher
+    ratio."""
+    flat_sigmas: float = 2.0
+    """Offsets whose standard deviation over the pad is below this many of their own are equal: there is no
+    structure."""
+    pairs: int = 8
+    """With fewer pairs of neighbours the Geary ratio is not significant."""
+
+
+_STRUCTURE = _Structure()
+
+
+@dataclass(frozen=True, slots=True)
+class _Idle:
+    """What is known of a taxel that is idle at times, or clipped."""
+
+    clipped_share: float = 0.02
+    """Where a larger share of a pad's readings is clipped, their mean is above the offset: a likelihood gives it."""
+    clipped_windows: int = 64
+    """Windows that are enough for it, where a pad has been idle."""
+    scans: float = 3.0
+    """Unloaded scans from which a taxel's offset is known: fewer may be a light load that just pauses."""
+    known_share: float = 1 / 3
+    """Share of a pad's taxels that must be unloaded at some time: fewer may be the rim of a contact."""
+    spreads: float = 2.0
+    """Where a taxel is never unloaded together with its neighbours, its own lowest level counts if it is within this
+    many standard deviations of the pad's offsets, and loads come on top."""
+
+
+_IDLE = _Idle()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,14 +144,14 @@ def is_unstructured(offset: Floats, masked: Bools, neighbours: NDArray[np.int64]
     if largest > CERTAIN * spread:
         return False
     pairs = neighbours[~masked[neighbours].any(axis=1)]
-    if len(pairs) < MIN_NEIGHBOUR_PAIRS:
+    if len(pairs) < _STRUCTURE.pairs:
         return bool(np.abs(live).max() <= CERTAIN * offset_std)
     variance = float(np.var(live))
-    if variance <= (FLAT_SIGMAS * offset_std) ** 2:
+    if variance <= (_STRUCTURE.flat_sigmas * offset_std) ** 2:
         return True
     neighbour_variance = float(np.mean((offset[pairs[:, 0]] - offset[pairs[:, 1]]) ** 2)) / 2
-    suspect = largest > SUSPECT_SIGMAS * spread
-    return neighbour_variance >= (MIN_SUSPECT_GEARY_RATIO if suspect else MIN_GEARY_RATIO) * variance
+    suspect = largest > _STRUCTURE.suspect_sigmas * spread
+    return neighbour_variance >= (_STRUCTURE.suspect_ratio if suspect else _STRUCTURE.geary_ratio) * variance
 
 
 def find_offsets(
@@ -150,9 +171,9 @@ def find_offsets(
     mean, by_mean, some = estimate_offset(windows, noise, masked, neighbours, reference), None, windows
     if mean is not None:
         by_mean = Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
-        if (windows <= cut).mean() < MAX_CLIPPED_SHARE:
+        if (windows <= cut).mean() < _IDLE.clipped_share:
             return by_mean
-        some = windows[:: 1 + len(windows) // MAX_CLIPPED_WINDOWS]
+        some = windows[:: 1 + len(windows) // _IDLE.clipped_windows]
     return rest_offset(some.reshape(-1, windows.shape[2]), noise, masked, near, neighbours, reference, cut) or by_mean
 
 
@@ -179,8 +200,8 @@ def rest_offset(
     scans = rest.unloaded.sum(axis=0)
     lowest = float(np.min(far, initial=cut, where=np.isfinite(far)))
     level, std = np.maximum(rest.level, lowest), sigma / np.sqrt(np.maximum(scans, 1.0))
-    known = _never_loaded_left_out(level, std, live & (scans >= MIN_IDLE_SCANS), near)
-    if known.sum() < max(2.0, MIN_KNOWN_SHARE * live.sum()):
+    known = _never_loaded_left_out(level, std, live & (scans >= _IDLE.scans), near)
+    if known.sum() < max(2.0, _IDLE.known_share * live.sum()):
         return None
     small = np.abs(level[known]).max() <= MAX_OFFSET_SHARE * reference
     if not small or not is_unstructured(level, ~known, neighbours, float(np.median(std[known]))):
@@ -188,7 +209,7 @@ def rest_offset(
     middle, spread = _middle_and_spread(level[known], std[known])
     beside = find_rest(used, sigma, cut, reach)
     near_idle = ~known & live & (beside.unloaded.sum(axis=0) >= 1.0)
-    near_idle &= np.abs(beside.level - middle) <= LIKELY_SPREADS * spread
+    near_idle &= np.abs(beside.level - middle) <= _IDLE.spreads * spread
     near_idle &= (
         np.max(readings, axis=0, initial=-np.inf, where=np.isfinite(readings)) > middle + LOADED_SIGMAS * spread
     )

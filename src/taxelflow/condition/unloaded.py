@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,16 +12,25 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.sensors.sensor import Sensor
 
-_ACTIVE_SIGMAS = 20.0
-"""Taxels whose readings span more than this many standard deviations of their noise were touched."""
-_QUIET_SHARE = 0.25
-"""Share of the taxels with the smallest, and with the largest, span of readings."""
-_CLEARLY = 4.0
-"""Factor by which the latter must span more than the former, and fall more below the idle level than rise above it."""
-_FEWEST = round(1.0 / _QUIET_SHARE)
+
+@dataclass(frozen=True, slots=True)
+class _Touched:
+    """When taxels were touched."""
+
+    sigmas: float = 20.0
+    """Taxels whose readings span more than this many standard deviations of their noise were touched."""
+    share: float = 0.25
+    """Share of the taxels with the smallest, and with the largest, span of readings."""
+    clearly: float = 4.0
+    """Factor by which the latter must span more than the former, and fall more below the idle level than rise above
+    it."""
+    scans: int = 5
+    """Scans from which the noise is known."""
+
+
+_TOUCHED = _Touched()
+_FEWEST = round(1.0 / _TOUCHED.share)
 """Taxels that this test needs: one in each share."""
-_FEWEST_SCANS = 5
-"""Scans from which the noise is known."""
 
 
 def no_contact(windows: Floats, learned: Baseline, sensor: Sensor, contact_on: float) -> str:
@@ -41,7 +51,7 @@ def no_contact(windows: Floats, learned: Baseline, sensor: Sensor, contact_on: f
     if highest == lowest:
         return f"{what}: all readings are {lowest + 0.0:.4g} {sensor.unit}"  # never -0
     seen = f"{what}: readings range from {lowest:.4g} to {highest:.4g} {sensor.unit}"
-    if np.count_nonzero(known.any(axis=2)) < _FEWEST_SCANS:
+    if np.count_nonzero(known.any(axis=2)) < _TOUCHED.scans:
         return f"{seen}; the noise, and so the level at which contact begins, is unknown from so short a recording"
     most = to_unit * float(np.max(above, initial=-np.inf, where=known))
     noise = to_unit * float(np.median(learned.noise[live]))
@@ -66,14 +76,16 @@ def falls_under_load(windows: Floats, learned: Baseline, polarity: int) -> str:
     highest = np.max(readings, axis=0, initial=-np.inf, where=known)
     span = highest - lowest
     order = np.argsort(span, kind="stable")
-    count = max(1, int(_QUIET_SHARE * len(span)))
+    count = max(1, int(_TOUCHED.share * len(span)))
     quiet, active = order[:count], order[-count:]
     moved = float(np.median(span[active]))
-    if moved <= _ACTIVE_SIGMAS * float(np.median(learned.noise[live])) or moved < _CLEARLY * np.median(span[quiet]):
+    if moved <= _TOUCHED.sigmas * float(np.median(learned.noise[live])):
+        return ""
+    if moved < _TOUCHED.clearly * np.median(span[quiet]):
         return ""
     idle = float(np.nanmedian(np.where(known, readings, np.nan)[:, quiet]))
     down, up = float(np.sum(idle - lowest[active])), float(np.sum(highest[active] - idle))
-    if down <= _CLEARLY * max(up, 0.0):
+    if down <= _TOUCHED.clearly * max(up, 0.0):
         return ""
     if polarity < 0:
         return "readings fall where the sensor is touched: leave polarity = -1 out of the sensor file"

@@ -7,7 +7,7 @@ tracks, tracks merge while one is new, and split after their components have bee
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,15 +16,22 @@ from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
 from taxelflow.runtime.compiling import routine
 
-MIN_OVERLAP = 0.25
-"""Share of a track's previous load that a component must hold to continue it. Up to 4 components can."""
-MIN_AGE_SCANS = 5
-"""Until a track has lasted this many scans, it merges with another that it meets: parts of one object may touch the
-skin one after the other."""
-MIN_PARTED_SCANS = 3
-"""A track splits, or ends on another's flank, after this many scans in a row: single scans of noise do neither."""
-MAX_JUMP_PITCHES = 3.0
-"""A track without overlap is looked for within this distance if other tracks are on the pad."""
+
+class _Tracks(NamedTuple):
+    """How contacts are followed from scan to scan."""
+
+    overlap: float = 0.25
+    """Share of a track's previous load that a component must hold to continue it. Up to 4 components can."""
+    age_scans: int = 5
+    """Until a track has lasted this many scans, it merges with another that it meets: parts of one object may touch the
+    skin one after the other."""
+    parted_scans: int = 3
+    """A track splits, or ends on another's flank, after this many scans in a row: single scans of noise do neither."""
+    jump_pitches: float = 3.0
+    """A track without overlap is looked for within this distance if other tracks are on the pad."""
+
+
+TRACKS = _Tracks()
 
 
 class Centroid(Protocol):
@@ -47,13 +54,13 @@ def associate(reading: Floats, noise: Floats, pad: SegmentedPad, number: int, co
     owner = np.zeros((components + 1, slots + 1), dtype=np.bool_)
     for b in range(1, components + 1):
         for s in range(1, slots + 1):
-            owner[b, s] = votes[b, s] > 0.0 and votes[b, s] >= MIN_OVERLAP * tracks[s - 1].load
+            owner[b, s] = votes[b, s] > 0.0 and votes[b, s] >= TRACKS.overlap * tracks[s - 1].load
         if owners_of(b, owner) == 0:
             strongest = _strongest(b, votes)
             owner[b, strongest] = strongest > 0
     for s in range(1, slots + 1):
         if tracks[s - 1].load > 0.0 and _components_of(s, owner) == 0:
-            reach = MAX_JUMP_PITCHES if _assigned(owner) > 0 else np.inf
+            reach = TRACKS.jump_pitches if _assigned(owner) > 0 else np.inf
             nearest = _nearest(tracks[s - 1].x, tracks[s - 1].y, found, owner, False, reach)
             owner[nearest, s] = nearest > 0
     _merge_new(owner, tracks)
@@ -166,7 +173,7 @@ def _merge_new(owner: Bools, tracks: Records) -> None:
     """A new track that meets an older one in a component becomes part of it, with all of its components."""
     for b in range(1, len(owner)):
         for s in range(owner.shape[1] - 1, 0, -1):
-            older = _older_owner(b, s, owner, tracks) if owner[b, s] and tracks[s - 1].age < MIN_AGE_SCANS else 0
+            older = _older_owner(b, s, owner, tracks) if owner[b, s] and tracks[s - 1].age < TRACKS.age_scans else 0
             if older > 0:
                 _hand_over(s, older, owner)
 
@@ -224,7 +231,7 @@ def _split(owner: Bools, components: Records, contact_on: float, tracks: Records
         free = 0
         for r in range(slots, 0, -1):
             free = r if _components_of(r, owner) == 0 else free
-        if track.parted_scans >= MIN_PARTED_SCANS and free > 0:
+        if track.parted_scans >= TRACKS.parted_scans and free > 0:
             owner[second, s], owner[second, free] = False, True
             _occupy(tracks[free - 1])
             track.parted_scans = 0

@@ -13,7 +13,7 @@ were, and its change only if it is large compared with their widths.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,14 +30,24 @@ if TYPE_CHECKING:
 
 _SLOTS = 4
 """Contacts tracked on a pad at most: 6 pairs."""
-_SCANS = 5
-"""Scans whose mean is the reference distance of a pair, and for which in a row it must have changed: a load that shifts
-for a moment moves a centroid too."""
-_CHANGE_PITCHES, _CHANGE_WIDTHS = 0.5, 0.25
-"""A distance has changed if it differs certainly, by this many pitches (sampling moves centroids by less), and by this
-share of the sum of the two widths. On the rig, feet of any size, noise and growth stay below 0.13 of it."""
-_WIDTH_RATIO = 1.25
-"""Largest ratio of two widths (radius of gyration) that count as the same: a contact that grows moves its centroid."""
+
+
+class _Distance(NamedTuple):
+    """When the distance of two contacts has changed."""
+
+    scans: int = 5
+    """Scans whose mean is the reference distance of a pair, and for which in a row it must have changed: a load that
+    shifts for a moment moves a centroid too."""
+    pitches: float = 0.5
+    widths: float = 0.25
+    """A distance has changed if it differs certainly, by this many pitches (sampling moves centroids by less), and by
+    this share of the sum of the two widths. On the rig, feet of any size, noise and growth stay below 0.13 of it."""
+    width_ratio: float = 1.25
+    """Largest ratio of two widths (radius of gyration) that count as the same: a contact that grows moves its
+    centroid."""
+
+
+_DISTANCE = _Distance()
 
 
 class RigidityMonitor:
@@ -243,7 +253,7 @@ def _compare_pairs(number: int, memory: Memory) -> None:
 def _significant_change(one: Shape, other: Shape, pad: CheckedPad, pair: Pair) -> float:
     """How much the distance of two contacts has changed, m; 0 if noise, sampling or load may explain it."""
     distance_m = np.hypot(one.x - other.x, one.y - other.y)
-    if pair.scans < _SCANS:
+    if pair.scans < _DISTANCE.scans:
         pair.scans += 1
         pair.distance_m += (distance_m - pair.distance_m) / pair.scans
         pair.width_m += (one.width_m - pair.width_m) / pair.scans
@@ -252,12 +262,12 @@ def _significant_change(one: Shape, other: Shape, pad: CheckedPad, pair: Pair) -
     same = _same_width(one.width_m, pair.width_m) and _same_width(other.width_m, pair.other_width_m)
     change_m = abs(distance_m - pair.distance_m)
     by_noise_m = CERTAIN * np.sqrt(one.variance + other.variance)
-    by_width_m = _CHANGE_WIDTHS * (pair.width_m + pair.other_width_m)
-    least_m = max(by_noise_m, _CHANGE_PITCHES * pad.pitch_m, by_width_m) + pad.stretch * pair.distance_m
+    by_width_m = _DISTANCE.widths * (pair.width_m + pair.other_width_m)
+    least_m = max(by_noise_m, _DISTANCE.pitches * pad.pitch_m, by_width_m) + pad.stretch * pair.distance_m
     pair.changed_scans = pair.changed_scans + 1 if same and change_m > least_m else 0
-    return change_m if pair.changed_scans >= _SCANS else 0.0
+    return change_m if pair.changed_scans >= _DISTANCE.scans else 0.0
 
 
 @routine
 def _same_width(one: float, other: float) -> bool:
-    return bool(one <= _WIDTH_RATIO * other and other <= _WIDTH_RATIO * one)
+    return bool(one <= _DISTANCE.width_ratio * other and other <= _DISTANCE.width_ratio * one)

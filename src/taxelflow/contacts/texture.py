@@ -27,14 +27,22 @@ if TYPE_CHECKING:
 
     from taxelflow.sensors.layout import Layout
 
-EVERY = 8
-"""Scans of a contact between two evaluations: texture changes slowly."""
-_MEMORY = 0.9
-"""Factor on the sums per evaluation: they reach back over about 80 scans."""
-_TEXTURED = 0.05
-"""Least share of the gradient's energy that is texture; each of the four laws leaves less than 0.03 of the others."""
-_OBSERVABLE = 5.0
-"""Energy of the gradient over that of noise above which a direction is observable: 0.2 pitches by one scan."""
+
+class _Texture(NamedTuple):
+    """When texture is looked for, and what is one."""
+
+    every: int = 8
+    """Scans of a contact between two evaluations: texture changes slowly."""
+    memory: float = 0.9
+    """Factor on the sums per evaluation: they reach back over about 80 scans."""
+    share: float = 0.05
+    """Least share of the gradient's energy that is texture; each of the four laws leaves less than 0.03 of the
+    others."""
+    observable: float = 5.0
+    """Energy of the gradient over that of noise above which a direction is observable: 0.2 pitches by one scan."""
+
+
+_TEXTURE = _Texture()
 
 
 class Gradients(NamedTuple):
@@ -133,12 +141,12 @@ def measure(
                     0.0
                 )
                 continue
-            evaluated = own.age % EVERY == 0 and usable[scan, pad]
+            evaluated = own.age % _TEXTURE.every == 0 and usable[scan, pad]
             if evaluated:
                 add_scan(pressure[scan], noise, xy, (begin, end), gradients, error, scratch, own)
             if evaluated or own.age == 0:
                 own.smooth = judge(own, own.unobservable)
-                own.turns = not own.smooth or own.turn > _TEXTURED * own.arm
+                own.turns = not own.smooth or own.turn > _TEXTURE.share * own.arm
             own.age += 1
             smooth[scan, pad], turns[scan, pad] = own.smooth, own.turns
             for a in range(4):
@@ -155,13 +163,13 @@ def judge(own: Sums, unobservable: Floats) -> bool:
     along, across = x * x * own.noise_x + y * y * own.noise_y, y * y * own.noise_x + x * x * own.noise_y
     for a in range(4):
         unobservable[a // 2, a % 2] = 0.0
-    if middle - radius < _OBSERVABLE * across:
-        tilt = across / (own.count * (middle + radius)) if middle + radius > _OBSERVABLE * along else 1.0
+    if middle - radius < _TEXTURE.observable * across:
+        tilt = across / (own.count * (middle + radius)) if middle + radius > _TEXTURE.observable * along else 1.0
         unobservable[0, 0] = y * y + tilt * x * x
         unobservable[1, 1] = x * x + tilt * y * y
         unobservable[0, 1] = unobservable[1, 0] = (tilt - 1.0) * x * y
     all_of_it = own.xx + own.yy - own.noise_x - own.noise_y
-    return bool(own.texture < _TEXTURED * all_of_it or not all_of_it > 0.0)
+    return bool(own.texture < _TEXTURE.share * all_of_it or not all_of_it > 0.0)
 
 
 @routine
@@ -192,12 +200,13 @@ def add_scan(
         noise_x += variance * gradients.own[k, 0]
         noise_y += variance * gradients.own[k, 1]
     share = max(loaded - TERMS, 0) / loaded  # of the noise that the fit leaves
-    own.xx, own.xy, own.yy = _MEMORY * own.xx + xx, _MEMORY * own.xy + xy_, _MEMORY * own.yy + yy
-    own.noise_x, own.noise_y = _MEMORY * own.noise_x + noise_x, _MEMORY * own.noise_y + noise_y
-    own.texture = _MEMORY * own.texture + rough - share * (noise_x + noise_y)
-    turn, arm = turn_energy(pressure, noise, xy, (begin, end), gradients, _OBSERVABLE * (noise_x + noise_y))
-    own.count = _MEMORY * own.count + 1.0
-    own.turn, own.arm = _MEMORY * own.turn + turn, _MEMORY * own.arm + arm
+    kept = _TEXTURE.memory
+    own.xx, own.xy, own.yy = kept * own.xx + xx, kept * own.xy + xy_, kept * own.yy + yy
+    own.noise_x, own.noise_y = kept * own.noise_x + noise_x, kept * own.noise_y + noise_y
+    own.texture = kept * own.texture + rough - share * (noise_x + noise_y)
+    turn, arm = turn_energy(pressure, noise, xy, (begin, end), gradients, _TEXTURE.observable * (noise_x + noise_y))
+    own.count = kept * own.count + 1.0
+    own.turn, own.arm = kept * own.turn + turn, kept * own.arm + arm
 
 
 @routine

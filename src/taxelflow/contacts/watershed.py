@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.contacts.adjacency import Adjacency
-from taxelflow.contacts.association import MIN_PARTED_SCANS, first_owner, owners_of
+from taxelflow.contacts.association import TRACKS, first_owner, owners_of
 from taxelflow.contacts.tracks import SegmentedPad, Taxel, Track
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
@@ -79,7 +79,7 @@ def merge_peakless(reading: Floats, pad: SegmentedPad, tracks: Records, taxels: 
         track: Track = tracks[s - 1]
         other = _label_above(s, reading, pad, taxels, adjacency)
         track.peakless_scans = track.peakless_scans + 1 if other > 0 else 0
-        if track.peakless_scans >= MIN_PARTED_SCANS:
+        if track.peakless_scans >= TRACKS.parted_scans:
             track.age = track.peakless_scans = 0
             for k in range(pad.start, pad.stop):
                 taxels[k].label = other if taxels[k].label == s else taxels[k].label

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -41,14 +41,21 @@ if TYPE_CHECKING:
     from taxelflow.numerics.bins import Bin
     from taxelflow.sensors.layout import Layout
 
-_NEAR = 0.1
-"""Pitches from its reference up to which an object rests: so small a shift contradicts nothing."""
-_KNOWN = 0.75
-"""Share of the taxels that must have been over the pad at the reference; half of it is too little for a slide."""
-_BACK = 0.5
-"""Share of its largest distance from the reference below which an excursion has come back: a load has shifted."""
-_STAYS_S = 0.4
-"""Time for which an object that has moved stays within a quarter of a pitch until it rests."""
+
+class _Rest(NamedTuple):
+    """When an object rests."""
+
+    near: float = 0.1
+    """Pitches from its reference up to which an object rests: so small a shift contradicts nothing."""
+    known: float = 0.75
+    """Share of the taxels that must have been over the pad at the reference; half of it is too little for a slide."""
+    back: float = 0.5
+    """Share of its largest distance from the reference below which an excursion has come back: a load has shifted."""
+    stays_s: float = 0.4
+    """Time for which an object that has moved stays within a quarter of a pitch until it rests."""
+
+
+_REST = _Rest()
 
 
 @dataclass(slots=True, eq=False)
@@ -97,7 +104,7 @@ class Shifts:
         distance_m = float(np.hypot(*away_m))
         self._open.append(np.outer(away_m, away_m))
         self._furthest_m = max(self._furthest_m, distance_m)
-        if distance_m > _BACK * self._furthest_m:
+        if distance_m > _REST.back * self._furthest_m:
             return
         self._bins += len(self._open)
         self.covariance = self.covariance + (sum(self._open) - len(self._open) * self.covariance) / self._bins
@@ -221,7 +228,7 @@ class RestHypothesis:
             else:
                 shifts.see(pose[:2] - self._origin_m[pad])
             self._shifted[pad] = shifts.covariance
-        rests = self._moved[pad] and seen.until_s - since_s > _STAYS_S
+        rests = self._moved[pad] and seen.until_s - since_s > _REST.stays_s
         if before is None or rests:
             self._moved[pad] = False
             self._excursion[pad] += 1
@@ -234,13 +241,13 @@ class RestHypothesis:
         self._far[pad] = False
         if not comparable(before.pressure, now.pressure):
             return True
-        if np.hypot(*away[:2]) < _NEAR:
+        if np.hypot(*away[:2]) < _REST.near:
             self._excursion[pad] += 1
             return False
         noise *= np.sqrt(1.0 / before.scans + 1.0 / now.scans)
         left = compare(skin_of(self._layout, pad), before.pressure, now.pressure, noise, away, sinks=True)
         moves = left.moves(away[:2])
-        self._far[pad] = moves and left.known < _KNOWN
+        self._far[pad] = moves and left.known < _REST.known
         return moves
 
 

@@ -26,7 +26,7 @@ from scipy.sparse import bsr_array, csr_array
 
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.numerics.geometry import rotation
-from taxelflow.numerics.rounding import ROUNDING
+from taxelflow.numerics.rounding import LINE_POINTS, ROUNDING
 from taxelflow.numerics.spans import spans
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.load import state_at
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.simulation.scenario import Scenario
 
-FEWEST = 3
-"""Scans of a contact below which nothing is left when offset and angle were taken off."""
 _STEP_PITCHES, _TURN_PITCHES = 5e-3, 0.05
 """Steps of the central differences, in pitches; a turn moves the object's farthest edge by the second. About the
 resolution of a scan, so that structure too fine to be observed (the cells of the elastic solver's fields) has little
@@ -117,7 +115,7 @@ def bound_of(scenario: Scenario, t_s: Floats, *, jointly: bool = True) -> Bound:
     unknown, since_known, since_unknown = (np.full_like(known, np.nan) for _ in range(3))
     alone = _covariances(information, axes.stop)
     for contact in starmap(np.arange, spans(scored)):
-        if len(contact) < FEWEST:
+        if len(contact) < LINE_POINTS:  # nothing is left of fewer when offset and angle are taken off
             continue
         own, later = alone[contact], contact[1:]
         since_known[later, axes] = _since(pose[contact, 2], own, np.zeros_like(own))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from taxelflow.condition.noise import UNKNOWN_NOISE
+from taxelflow.condition.converter import UNKNOWN_NOISE
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.condition.units import full_scale, in_si
 from taxelflow.errors import RecordingError

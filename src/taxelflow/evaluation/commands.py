@@ -20,7 +20,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import write_tables
 from taxelflow.runtime import registry
 from taxelflow.runtime.checks import at_least
-from taxelflow.runtime.exit_codes import PARTLY_DONE
+from taxelflow.runtime.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -109,7 +109,7 @@ class Info(Recorded):
             show_checkup(checkup)
         for note in (*checkup.notes, *([checkup.loss] if checkup.loss else [])):
             print(f"taxelflow: {note}", file=sys.stderr)
-        return PARTLY_DONE if checkup.loss else 0
+        return ExitCode.PARTLY_DONE if checkup.loss else 0
 
 
 @dataclass(frozen=True)

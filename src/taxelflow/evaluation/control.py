@@ -13,9 +13,9 @@ from taxelflow.control.hold import HoldSession
 from taxelflow.control.motion import LetMove, Pivot, Slide
 from taxelflow.control.touch import TouchStream
 from taxelflow.evaluation.base import table_of
-from taxelflow.simulation.mujoco.events import END_S
 from taxelflow.simulation.mujoco.plant import Actuator
-from taxelflow.simulation.mujoco.trial import DROPPED_M, FORCE_COST, NEAR_M, Moment, Rehearsal, Trial
+from taxelflow.simulation.mujoco.plants import TRIAL
+from taxelflow.simulation.mujoco.trial import Moment, Rehearsal, Trial
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
 
     Watched = Callable[[list["Course"]], Iterable["Course"]]
     """Passes courses on, and may show progress."""
-
-MOTION_END_S = 9.0
-"""Latest end of a trial in which an object is let slide or turn."""
 
 
 class TrialRow(msgspec.Struct, frozen=True):
@@ -69,7 +66,7 @@ class ControlReport(msgspec.Struct, frozen=True):
 
 def is_near(row: TrialRow) -> bool:
     """Whether an object was held and slid less than 5 mm."""
-    return row.held and row.slid_mm < 1e3 * NEAR_M
+    return row.held and row.slid_mm < 1e3 * TRIAL.near_m
 
 
 def cost_of(rows: Sequence[TrialRow]) -> float:
@@ -80,7 +77,7 @@ def cost_of(rows: Sequence[TrialRow]) -> float:
 
 def cost(row: TrialRow) -> float:
     """Cost of a grasped trial."""
-    return float(not is_near(row)) + FORCE_COST * max((row.force_over_least or 1.0) - 1.0, 0.0)
+    return float(not is_near(row)) + TRIAL.force_cost * max((row.force_over_least or 1.0) - 1.0, 0.0)
 
 
 class MotionRow(msgspec.Struct, frozen=True):
@@ -179,7 +176,7 @@ class Course:
         method: str | None = None,
         *,
         actuator: Actuator | None = None,
-        end_s: float = END_S,
+        end_s: float = TRIAL.end_s,
         hand: str = "gripper",
     ) -> None:
         """method: estimator instead of the controller's own. hand: name of the plant. Raises ParameterInvalid."""
@@ -202,7 +199,7 @@ class Course:
         for moment in rehearsal.start():
             touch, origin = pads.step(moment.truth.t_s, moment.readings, moment.joints), moment.truth
         self.grasped, slid_m = rehearsal.grasped, 0.0
-        while rehearsal.t_s < self._end_s - 1e-9 and slid_m < DROPPED_M:
+        while rehearsal.t_s < self._end_s - 1e-9 and slid_m < TRIAL.dropped_m:
             commanded_n = self.session.step(touch)
             moment = rehearsal.step(commanded_n)
             began_s = thread_time()
@@ -223,13 +220,13 @@ def held(course: Course) -> TrialRow:
 
 
 def score(course: Course, seen: Sequence[Seen], still_m: float = 1e-3, last_s: float = 1.0) -> TrialRow:
-    """Score the scans of a finished trial: held if the object slid less than `DROPPED_M`, and less than still_m in
-    the last seconds.
+    """Score the scans of a finished trial: held if the object slid less than `TRIAL.dropped_m`, and less than still_m
+    in the last seconds.
     """
     trial, end_s = course.trial, seen[-1].moment.truth.t_s
     last = [one for one in seen if one.moment.truth.t_s > end_s - last_s]
     slid_m = max(one.slid_m for one in seen)
-    inside = course.grasped and slid_m < DROPPED_M
+    inside = course.grasped and slid_m < TRIAL.dropped_m
     rests = abs(last[-1].slid_m - last[0].slid_m) < still_m
     force_n = sum(one.moment.truth.force_n for one in last)
     ratio = force_n / sum(one.least_n for one in last) if inside else None

@@ -12,7 +12,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.commands import Output
 from taxelflow.runtime import registry
 from taxelflow.runtime.checks import not_negative
-from taxelflow.runtime.exit_codes import PARTLY_DONE
+from taxelflow.runtime.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -146,7 +146,7 @@ class Control(Output):
 
         report = sweep(self.controller, run)
         self.give(report, report.show)
-        return PARTLY_DONE if any(row.grasped < row.trials for row in report.rows) else 0
+        return ExitCode.PARTLY_DONE if any(row.grasped < row.trials for row in report.rows) else 0
 
     def _show(self) -> int:
         """Film a trial and draw one of each event; a film is left out where nothing can be rendered."""
@@ -198,9 +198,10 @@ class Control(Output):
 
     def _courses(self, name: str) -> list[Course]:
         """The trials of one controller, not run yet. Raises NameUnknown, ParameterInvalid."""
-        from taxelflow.evaluation.control import MOTION_END_S, Course
-        from taxelflow.simulation.mujoco.events import END_S, STANDARD_EVENTS
+        from taxelflow.evaluation.control import Course
+        from taxelflow.simulation.mujoco.events import STANDARD_EVENTS
         from taxelflow.simulation.mujoco.hands import DEFAULT_OBJECTS, check_objects
+        from taxelflow.simulation.mujoco.plants import TRIAL
         from taxelflow.simulation.mujoco.trial import Trial, drawn_in_turn
 
         for option, most, owner in (("by_mm", 25, "slide"), ("by_deg", 180, "pivot")):
@@ -225,7 +226,7 @@ class Control(Output):
         actuator, objects = self._actuator(), self.objects or objects
         trials: list[Trial] = list(drawn_in_turn(self.seed, self.trials, objects, self.events or events, draw))
         check_objects(self.hand, objects)
-        end_s = MOTION_END_S if name in _MOTIONS else END_S
+        end_s = TRIAL.motion_end_s if name in _MOTIONS else TRIAL.end_s
         return [
             Course(trial, kind(**own), self.method, actuator=actuator, end_s=end_s, hand=self.hand) for trial in trials
         ]
@@ -236,4 +237,4 @@ def _blamed(rows: Sequence[TrialRow | MotionRow]) -> int:
     lost = [row for row in rows if not row.grasped]
     for row in lost:
         print(f"taxelflow: trial {row.seed} ({row.object}) was not grasped before the lift", file=sys.stderr)
-    return PARTLY_DONE if lost else 0
+    return ExitCode.PARTLY_DONE if lost else 0

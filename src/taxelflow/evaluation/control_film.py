@@ -16,7 +16,7 @@ from taxelflow.evaluation.control_plot import draw_force, draw_slid, headline
 from taxelflow.publish.plots.style import BLUE, GREEN, INK, MAGENTA, styled
 from taxelflow.publish.video import check_video, write_video
 from taxelflow.simulation.mujoco.camera import Arrow, Camera
-from taxelflow.simulation.mujoco.events import END_S, LIFT_S
+from taxelflow.simulation.mujoco.plants import TRIAL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -136,11 +136,11 @@ class _Sheet:
         for draw, bottom in ((draw_force, 0.31), (draw_slid, 0.08)):
             axis = figure.add_axes((0.565, bottom, 0.42, 0.185 if draw is draw_force else 0.165))
             draw(axis, trial, seen)
-            axis.set_xlim(LIFT_S, END_S)
+            axis.set_xlim(TRIAL.lift_s, TRIAL.end_s)
             legend = axis.get_legend()
             for text in legend.get_texts() if legend else []:
                 text.set_fontsize(9.0)
-            self._curtains.append(axis.axvspan(LIFT_S, END_S, facecolor="white", zorder=9.0))
+            self._curtains.append(axis.axvspan(TRIAL.lift_s, TRIAL.end_s, facecolor="white", zorder=9.0))
 
     def _plant(self, axis: Any) -> Any:
         axis.axis("off")
@@ -194,7 +194,7 @@ class _Sheet:
             pad.arrow.set_visible(bool(u or v))
         for curtain in self._curtains:
             curtain.set_x(truth.t_s)
-            curtain.set_width(END_S - truth.t_s)
+            curtain.set_width(TRIAL.end_s - truth.t_s)
         canvas: Any = self.figure.canvas
         canvas.draw()
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.publish.plots.style import BLUE, GREEN, GREY, SLIP, VERMILION, save, styled
-from taxelflow.simulation.mujoco.events import EVENT_S, LIFTED_S
+from taxelflow.simulation.mujoco.plants import TRIAL
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +36,7 @@ def headline(trial: Trial) -> str:
         "pour": f"is poured into: {mass_g} become {1e3 * happening.mass_kg * happening.times:.0f} g",
         "pull": f"of {mass_g} is pulled: {happening.times:.1f} times its weight",
         "shake": f"of {mass_g} is shaken: {happening.shake_g:.1f} g at {happening.shake_hz:.1f} Hz",
-        "weak": f"of {mass_g} in too weak a grip: {trial.first_n / trial.least_n(LIFTED_S):.0%} of the least",
+        "weak": f"of {mass_g} in too weak a grip: {trial.first_n / trial.least_n(TRIAL.lifted_s):.0%} of the least",
         "double": f"of {mass_g} weighs twice as much at once",
     }
     thing = "bumpy block" if trial.object == "bumpy" else trial.object
@@ -67,7 +67,7 @@ def _changes(trial: Trial) -> bool:
 def _mark_event(axis: Any, trial: Trial) -> None:
     """A line where the load begins to change."""
     if _changes(trial):
-        axis.axvline(EVENT_S, color=GREY, linewidth=0.8)
+        axis.axvline(TRIAL.event_s, color=GREY, linewidth=0.8)
 
 
 def draw_slid(axis: Any, trial: Trial, seen: Sequence[Seen]) -> None:

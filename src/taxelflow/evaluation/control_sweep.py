@@ -13,8 +13,8 @@ from taxelflow.evaluation.base import Table, table_of
 from taxelflow.evaluation.cells import number, shown
 from taxelflow.evaluation.control import ControlReport
 from taxelflow.numerics.gravity import G_M_S2
-from taxelflow.simulation.mujoco.events import EVENT_S
 from taxelflow.simulation.mujoco.plant import Actuator
+from taxelflow.simulation.mujoco.plants import TRIAL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -108,7 +108,7 @@ def doubled_bound_m(
     The scan in which the weight doubles ends before any command knows of it. A lag of first order follows the latency,
     which the plant rounds to scans. Infinite for a force that does not hold it within 2 s.
     """
-    least_n = trial.least_n(EVENT_S)
+    least_n = trial.least_n(TRIAL.event_s)
     late_s = (1.0 + round(actuator.latency_s * rate_hz)) / rate_hz
     since_s = np.maximum(np.arange(0.0, 2.0, step_s) - late_s, 0.0)
     shares = 1.0 - np.exp(-2.0 * np.pi * actuator.bandwidth_hz * since_s)
@@ -124,7 +124,7 @@ def _row(actuator: Actuator, trials: Sequence[Trial], report: ControlReport) -> 
     slid = np.array([row.slid_mm for row in grasped])
     p50, p90 = (float(np.quantile(slid, share)) if len(slid) else None for share in (0.5, 0.9))
     full = [1e3 * doubled_bound_m(trial, actuator, actuator.max_n) for trial in trials]
-    gentle = [1e3 * doubled_bound_m(trial, actuator, GENTLE * trial.least_n(EVENT_S)) for trial in trials]
+    gentle = [1e3 * doubled_bound_m(trial, actuator, GENTLE * trial.least_n(TRIAL.event_s)) for trial in trials]
     return SweepRow(
         1e3 * actuator.latency_s,
         actuator.bandwidth_hz,

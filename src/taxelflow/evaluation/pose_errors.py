@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.evaluation.bound import FEWEST
 from taxelflow.messages import LOST, OK
 from taxelflow.numerics.geometry import rotation, wrapped
+from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.simulation.motion import move
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def contacts_of(known: Bools, piece: NDArray[np.int64]) -> Iterator[NDArray[np.i
     """The known scans (scans,) of each contact that has enough of them. piece: (scans,), number of the contact."""
     for number in np.unique(piece[known]):
         own = np.flatnonzero(known & (piece == number))
-        if len(own) >= FEWEST:
+        if len(own) >= LINE_POINTS:
             yield own
 
 

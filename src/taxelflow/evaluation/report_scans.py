@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import hypot
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,12 +27,21 @@ if TYPE_CHECKING:
     from taxelflow.publish.summary import Summary
     from taxelflow.sensors.layout import Layout
 
-_MOST_SCANS = 12
-"""Key scans of a report at most."""
-_APART_S = 0.5
-"""Key scans are at least this far apart."""
-_USUAL = 0.09
-"""An arrow of the median of the scans' fastest slips, as a share of the width of the picture; none is twice as long."""
+
+@dataclass(frozen=True, slots=True)
+class _Key:
+    """Key scans of a report."""
+
+    most: int = 12
+    """Key scans of a report at most."""
+    apart_s: float = 0.5
+    """Key scans are at least this far apart."""
+    arrow: float = 0.09
+    """An arrow of the median of the scans' fastest slips, as a share of the width of the picture; none is twice as
+    long."""
+
+
+_KEY = _Key()
 _GONE = "The recording is gone or has changed since: no scans to show."
 
 
@@ -126,7 +136,7 @@ def key_scans(
     arrows = [_arrows(moment, pressure, results, layout) for moment, pressure in scans]
     fastest = [max((hypot(vx, vy) for _, _, vx, vy, _ in own), default=0.0) for own in arrows]
     usual = float(np.median([speed for speed in fastest if speed > 0.0] or [1.0]))
-    usual_mm = _USUAL * (right - left)
+    usual_mm = _KEY.arrow * (right - left)
     drawn = [
         _scan(moment, pressure[: layout.taxels], own, shown.ran.t_first_s, (usual_mm / usual, 2.0 * usual_mm))
         for (moment, pressure), own in zip(scans, arrows, strict=True)
@@ -145,7 +155,7 @@ def _moments(shown: Shown, label: str) -> list[_Moment]:
     chosen = [_Moment(float(t_s[largest]), busiest.pad, "largest load")]
     slips = [_slip(track, span, shown) for track in tracks for span in spans(track.flags["slipping"])]
     for _, middle_s, pad, caption in sorted(slips, key=lambda slip: -slip[0]):
-        if len(chosen) < _MOST_SCANS and all(abs(middle_s - moment.t_s) >= _APART_S for moment in chosen):
+        if len(chosen) < _KEY.most and all(abs(middle_s - moment.t_s) >= _KEY.apart_s for moment in chosen):
             chosen.append(_Moment(middle_s, pad, caption + (f" by {label}" if label else "")))
     return sorted(chosen)
 

@@ -25,8 +25,9 @@ from taxelflow.pipeline.live.view import KEPT_S
 from taxelflow.pipeline.stages import Pipeline
 from taxelflow.publish.view.browser import BrowserFailed, drawn_by, headless
 from taxelflow.publish.view.history import History, Results
+from taxelflow.publish.view.look import PANEL
 from taxelflow.publish.view.page import Page
-from taxelflow.publish.view.server import PANEL_PIXELS, PageServer
+from taxelflow.publish.view.server import PageServer
 from taxelflow.runtime.checks import positive
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import save
@@ -179,7 +180,7 @@ def _show(tab: Tab, seconds: float, rate_hz: float) -> ShowRow:
         feeding.start()
         showing.start()
         tab.open(page.url)
-        drawn_by(page, _WIDTH - PANEL_PIXELS)
+        drawn_by(page, _WIDTH - PANEL.wide)
         time.sleep(_SETTLE_S)
         tab.count_pictures()
         cpu_s, began, draws = time.process_time(), time.monotonic(), page.draws

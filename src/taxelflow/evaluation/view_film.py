@@ -11,8 +11,8 @@ from taxelflow.evaluation.base import Watch, unwatched
 from taxelflow.evaluation.view import Playing
 from taxelflow.publish.video import check_video, write_video
 from taxelflow.publish.view.browser import PATIENCE_S, drawn_by, headless, installed_browser
-from taxelflow.publish.view.camera import FOV_RAD
-from taxelflow.publish.view.server import PANEL_PIXELS, PageServer
+from taxelflow.publish.view.look import CAMERA, FILM, PANEL
+from taxelflow.publish.view.server import PageServer
 from taxelflow.runtime.checks import not_negative, positive
 
 if TYPE_CHECKING:
@@ -23,16 +23,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.publish.plots.film import Frame
     from taxelflow.publish.view.page import Page
-
-WIDTH, HEIGHT = 1280, 720
-"""Pixels of a film."""
-_BORDER = 160
-"""Of the window around the picture, pixels."""
-_FARTHER = 1.05
-"""Distance of the browser's own camera, over that of the film's. The background lies behind what the own one shows, and
-would end within a picture that shows more; at the same place, the page would fit it to the window."""
-_MOST_FRAMES = 10_000
-"""Frames of a film at most: bounds its time and size."""
 
 
 class Part(NamedTuple):
@@ -61,8 +51,8 @@ def film_recording(
     try:
         playing.fill()
         times = frame_times(playing.page, part)
-        with headless(playing.page.url, WIDTH + PANEL_PIXELS + _BORDER, HEIGHT + _BORDER):
-            drawn = drawn_by(playing.page, WIDTH + _BORDER)
+        with headless(playing.page.url, FILM.wide + PANEL.wide + FILM.border, FILM.high + FILM.border):
+            drawn = drawn_by(playing.page, FILM.wide + FILM.border)
             return write_video(_frames(playing.page, drawn, watched(times.tolist(), "filming")), out, part.fps)
     finally:
         playing.close()
@@ -76,8 +66,8 @@ def frame_times(page: Page, part: Part) -> Floats:
     if part.from_s >= to_s:
         raise ParameterInvalid("from", part.from_s, f"lie before the end, {to_s:.3f} s")
     count = int((to_s - part.from_s) * part.fps / part.speed + 1e-9) + 1
-    if count > _MOST_FRAMES:
-        raise ParameterInvalid("frames", count, f"be at most {_MOST_FRAMES}: choose a part by --from and --to")
+    if count > FILM.frames:
+        raise ParameterInvalid("frames", count, f"be at most {FILM.frames}: choose a part by --from and --to")
     times: Floats = first_s + part.from_s + np.arange(count, dtype=np.float64) * (part.speed / part.fps)
     return times
 
@@ -87,14 +77,14 @@ def _frames(page: Page, drawn: Any, times: Any) -> Iterator[Frame]:
     for at_s in times:
         page.show_at(at_s)
         if not camera:
-            found = page.scene.frame(page.direction(), WIDTH / HEIGHT)
+            found = page.scene.frame(page.direction(), FILM.wide / FILM.high)
             drawn.camera.position, drawn.camera.look_at = (
-                found.look_at + _FARTHER * (found.position - found.look_at),
+                found.look_at + FILM.farther * (found.position - found.look_at),
                 found.look_at,
             )
-            camera = {"wxyz": found.wxyz, "position": found.position, "fov": FOV_RAD}
-            drawn.get_render(HEIGHT, WIDTH, timeout=PATIENCE_S, **camera)  # the first one may lack its labels
-        frame = drawn.get_render(HEIGHT, WIDTH, timeout=PATIENCE_S, **camera)
+            camera = {"wxyz": found.wxyz, "position": found.position, "fov": CAMERA.fov_rad}
+            drawn.get_render(FILM.high, FILM.wide, timeout=PATIENCE_S, **camera)  # the first one may lack its labels
+        frame = drawn.get_render(FILM.high, FILM.wide, timeout=PATIENCE_S, **camera)
         yield np.ascontiguousarray(frame[..., :3])
 
 

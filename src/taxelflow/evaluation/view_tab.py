@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.request import urlopen
 
 from taxelflow.errors import ExtraMissing
-from taxelflow.publish.view.browser import BrowserFailed
+from taxelflow.publish.view.browser import PATIENCE_S, BrowserFailed
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 DEBUGGED = "--remote-debugging-port=0"
 """Flag by which a browser lets itself be asked, on this computer only."""
 _PORT_FILE = "DevToolsActivePort"
-_PATIENCE_S = 60.0
-"""Time that a browser has for an answer on a busy machine."""
 _COUNT = "window.drawn = 0; (function next() { window.drawn++; requestAnimationFrame(next) })(); 0"
 _RENDERER = """(() => { const gl = document.createElement('canvas').getContext('webgl');
 const known = gl && gl.getExtension('WEBGL_debug_renderer_info');
@@ -34,19 +32,19 @@ class Tab:
         except ImportError as error:
             raise ExtraMissing("view", "websockets") from error
         self._number = 0
-        end = time.monotonic() + _PATIENCE_S
+        end = time.monotonic() + PATIENCE_S
         while not (address := _tab_address(folder)):
             if time.monotonic() > end:
                 raise BrowserFailed("it cannot be asked")
             time.sleep(0.05)
-        self._socket = connect(address, max_size=None, open_timeout=_PATIENCE_S)
+        self._socket = connect(address, max_size=None, open_timeout=PATIENCE_S)
 
     def call(self, method: str, **parameters: Any) -> Any:
         """Result of a method of the protocol."""
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
         while True:
-            reply = json.loads(self._socket.recv(timeout=_PATIENCE_S))
+            reply = json.loads(self._socket.recv(timeout=PATIENCE_S))
             if reply.get("id") == self._number:
                 return reply.get("result", {})
 
@@ -60,7 +58,7 @@ class Tab:
 
     def wait_for(self, expression: str) -> None:
         """Wait until an expression in the page is true. Raises BrowserFailed."""
-        end = time.monotonic() + _PATIENCE_S
+        end = time.monotonic() + PATIENCE_S
         while not self.value(expression):
             if time.monotonic() > end:
                 raise BrowserFailed(f"never {expression}")
@@ -94,7 +92,7 @@ def _tab_address(folder: Path) -> str:
     """WebSocket of the tab, empty while the browser is not ready."""
     try:
         port = (folder / _PORT_FILE).read_text(encoding="utf-8").split()[0]
-        with urlopen(f"http://127.0.0.1:{port}/json/list", timeout=_PATIENCE_S) as answer:
+        with urlopen(f"http://127.0.0.1:{port}/json/list", timeout=PATIENCE_S) as answer:
             tabs = json.load(answer)
     except (OSError, IndexError, ValueError):
         return ""

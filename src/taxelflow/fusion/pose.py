@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -26,14 +26,21 @@ from taxelflow.numerics.se3 import count_true
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import inlined, kernel, routine
 
-_ITERATIONS = 8
-"""Gauss-Newton steps at most."""
-_PLAIN = 3
-"""First steps without robust weights: there a residual may be the motion since the last scan."""
-_FAR = 11.34
-"""Chi-square above which a contact weighs less (Huber): the 99 % point of three degrees of freedom."""
-_STUDENT = 4.0
-"""Degrees of freedom of the Student t weights, with which a wrong contact hardly affects the misfit."""
+
+class _Robust(NamedTuple):
+    """Robust weights of the iterations."""
+
+    iterations: int = 8
+    """Gauss-Newton steps at most."""
+    plain: int = 3
+    """First steps without robust weights: there a residual may be the motion since the last scan."""
+    far: float = 11.34
+    """Chi-square above which a contact weighs less (Huber): the 99 % point of three degrees of freedom."""
+    student: float = 4.0
+    """Degrees of freedom of the Student t weights, with which a wrong contact hardly affects the misfit."""
+
+
+_ROBUST = _Robust()
 _OWN_TURN_WEIGHT = 0.5
 """Weight of a pad's own theta: the variance of theta at its anchor, about equal, doubles that of the difference."""
 
@@ -89,8 +96,8 @@ def follow_pose(
         for pad in range(place.shape[1]):
             anchors[pad].anchored = anchors[pad].anchored and kept[scan, pad]
         observable = turns
-        for iteration in range(_ITERATIONS):
-            robust = iteration >= _PLAIN
+        for iteration in range(_ROBUST.iterations):
+            robust = iteration >= _ROBUST.plain
             clear(equations)
             if not add_contacts(
                 (place[scan], place_cov[scan], own_turn[scan], placed[scan]), robust, anchors, body, equations
@@ -210,7 +217,7 @@ def residual_of(
 @inlined
 def weight_of(chi2: float, usual: float) -> float:
     """Weight of a contact with this chi-square, where chi-square is usually too large by this factor (Huber)."""
-    return np.sqrt(_FAR * usual / chi2) if chi2 > _FAR * usual else 1.0
+    return np.sqrt(_ROBUST.far * usual / chi2) if chi2 > _ROBUST.far * usual else 1.0
 
 
 @inlined
@@ -229,7 +236,7 @@ def judge_misfit(
         anchor: Anchor = anchors[pad]
         if placed[pad] and anchor.anchored:
             chi2, measured, _, _ = residual_of(place[pad], place_cov[pad], own_turn[pad], anchor, body)
-            weight = min(1.0, (_STUDENT + 2.0) / (_STUDENT + chi2))
+            weight = min(1.0, (_ROBUST.student + 2.0) / (_ROBUST.student + chi2))
             misfit += weight * chi2
             freedom += weight * measured
     freedom -= 3 if observable else 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,12 +14,20 @@ if TYPE_CHECKING:
     from taxelflow.sensors.pads import Pad
     from taxelflow.sensors.sensor import Sensor
 
-_CELL = 5
-"""Characters of a number."""
-_WIDEST = 110
-"""Characters of a line at most."""
-_LINES_PER_CHARACTER = 0.5
-"""A character is about twice as high as wide."""
+
+@dataclass(frozen=True, slots=True)
+class _Grid:
+    """Characters of a drawing."""
+
+    cell: int = 5
+    """Characters of a number."""
+    widest: int = 110
+    """Characters of a line at most."""
+    lines: float = 0.5
+    """A character is about twice as high as wide."""
+
+
+_GRID = _Grid()
 
 
 def draw_sensor(sensor: Sensor) -> None:
@@ -77,17 +86,17 @@ def _channels(sensor: Sensor) -> str:
 def _rows(layout: Layout, pad: int) -> list[str]:
     numbers = np.arange(layout.taxels, dtype=np.float64)
     image = layout.grid(pad, numbers)
-    return ["".join(f"{n:{_CELL}.0f}" if np.isfinite(n) else "·".rjust(_CELL) for n in row) for row in image]
+    return ["".join(f"{n:{_GRID.cell}.0f}" if np.isfinite(n) else "·".rjust(_GRID.cell) for n in row) for row in image]
 
 
 def _scattered(layout: Layout, pad: int) -> list[str]:
     """Numbers where the taxels lie, drawn as large as they need not to run into each other; else a list of places."""
     own = layout.of_pad(pad)
     x, y = layout.x_m[own] - layout.x_m[own].min(), layout.y_m[own].max() - layout.y_m[own]
-    scale = _CELL / layout.pitch_m[pad, 0]
-    while scale * float(x.max()) + _CELL <= _WIDEST:
+    scale = _GRID.cell / layout.pitch_m[pad, 0]
+    while scale * float(x.max()) + _GRID.cell <= _GRID.widest:
         col = np.round(scale * x).astype(int)
-        line = np.round(_LINES_PER_CHARACTER * scale * y).astype(int)
+        line = np.round(_GRID.lines * scale * y).astype(int)
         if _clear(line, col):
             return _canvas(line, col, own.start)
         scale *= 1.1
@@ -101,11 +110,11 @@ def _clear(line: np.ndarray, col: np.ndarray) -> bool:
     """Whether no two numbers touch."""
     order = np.lexsort((col, line))
     same = np.diff(line[order]) == 0
-    return not bool((same & (np.diff(col[order]) < _CELL)).any())
+    return not bool((same & (np.diff(col[order]) < _GRID.cell)).any())
 
 
 def _canvas(line: np.ndarray, col: np.ndarray, first: int) -> list[str]:
-    canvas = [[" "] * (int(col.max()) + _CELL) for _ in range(int(line.max()) + 1)]
+    canvas = [[" "] * (int(col.max()) + _GRID.cell) for _ in range(int(line.max()) + 1)]
     for number, (row, begin) in enumerate(zip(line.tolist(), col.tolist(), strict=True), first):
-        canvas[row][begin : begin + _CELL] = f"{number:{_CELL}d}"
+        canvas[row][begin : begin + _GRID.cell] = f"{number:{_GRID.cell}d}"
     return ["".join(row).rstrip() for row in canvas]

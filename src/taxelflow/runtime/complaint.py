@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from taxelflow.errors import ParameterInvalid, TaxelflowError
 from taxelflow.runtime import registry
-from taxelflow.runtime.exit_codes import BAD_INPUT, INTERRUPTED
+from taxelflow.runtime.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,7 +25,7 @@ def complain(error: BaseException, args: Sequence[str]) -> int:
         return 0
     if isinstance(error, KeyboardInterrupt):
         _say("interrupted; rows computed so far stand in the .part files")
-        return INTERRUPTED
+        return ExitCode.INTERRUPTED
     if isinstance(error, TaxelflowError):
         _say(error.on_command_line(list(args)) if isinstance(error, ParameterInvalid) else error)
     elif failed := registry.failed(error, args):
@@ -34,7 +34,7 @@ def complain(error: BaseException, args: Sequence[str]) -> int:
         _say(_of_system(error))
     else:
         raise error  # such as SystemExit
-    return BAD_INPUT
+    return ExitCode.BAD_INPUT
 
 
 def _of_system(error: OSError) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
 from math import dist, hypot, isfinite, tau
 from typing import TYPE_CHECKING
 
@@ -18,14 +19,22 @@ if TYPE_CHECKING:
 
     from taxelflow.sensors.pads import Group, Pad, Patch
 
-_NORMAL_TOLERANCE = 0.01
-"""Largest error of a normal's length: tables are rounded to a few digits."""
-_QUATERNION_TOLERANCE = 1e-3
-"""Largest error of a quaternion's length."""
-_LARGEST_PITCH_M = 0.2
-"""Largest pitch of a pad: a mat to walk on has less; more is a pitch in mm."""
-_LARGEST_HAND_M = 10.0
-"""Largest distance of a pad from the hand's origin: more is one in mm."""
+
+@dataclass(frozen=True, slots=True)
+class _Largest:
+    """The largest that a sensor file may hold: lengths (more is in another unit), and errors of unit vectors."""
+
+    normal_error: float = 0.01
+    """Largest error of a normal's length: tables are rounded to a few digits."""
+    quaternion_error: float = 1e-3
+    """Largest error of a quaternion's length."""
+    pitch_m: float = 0.2
+    """Largest pitch of a pad: a mat to walk on has less; more is a pitch in mm."""
+    hand_m: float = 10.0
+    """Largest distance of a pad from the hand's origin: more is one in mm."""
+
+
+_LARGEST = _Largest()
 _CURVED_NUMBERS = 6
 """Numbers in a row of a table with normals."""
 _GRID_FIELDS = ("rows", "cols", "missing")
@@ -84,7 +93,7 @@ def check_pads(pads: Sequence[Pad], source: str) -> None:
             seen, _, remedy = str(error).partition(": ")
             raise SensorFileInvalid(source, where, seen, remedy) from error
         apart_m = spacing_m(geometry.xy) if geometry.table and pad.count > 1 else 0.0
-        if apart_m > _LARGEST_PITCH_M:
+        if apart_m > _LARGEST.pitch_m:
             raise SensorFileInvalid(source, where, *_too_far(apart_m))
 
 
@@ -129,7 +138,7 @@ def _of_table(pad: Pad) -> Iterator[tuple[str, str, str]]:
         length = min((dist(row[3:], (0.0, 0.0, 0.0)) for row in rows), key=lambda long: -abs(long - 1.0))
         if length == 0.0:
             yield "taxels", "a normal is 0, 0, 0", "leave out absent taxels, and give the others an index"
-        elif abs(length - 1.0) > _NORMAL_TOLERANCE:
+        elif abs(length - 1.0) > _LARGEST.normal_error:
             yield "taxels", f"a normal has length {length:.3g}", "its length must be 1: check the order of the columns"
     if pad.channels not in (None, pad.count) and not pad.index:
         seen = f"{pad.channels} numbers for {pad.count} taxels"
@@ -138,9 +147,9 @@ def _of_table(pad: Pad) -> Iterator[tuple[str, str, str]]:
 
 def _of_any(pad: Pad) -> Iterator[tuple[str, str, str]]:
     """Errors of any pad, as `_of_grid`."""
-    if pad.pitch_m is not None and max(pad.pitch_m) > _LARGEST_PITCH_M:
+    if pad.pitch_m is not None and max(pad.pitch_m) > _LARGEST.pitch_m:
         yield "pitch_m", *_too_far(max(pad.pitch_m))
-    if pad.origin_m is not None and hypot(*pad.origin_m) > _LARGEST_HAND_M:
+    if pad.origin_m is not None and hypot(*pad.origin_m) > _LARGEST.hand_m:
         yield "origin_m", f"{hypot(*pad.origin_m):g} m from the hand's origin", "give it in m: 40 mm are 0.04"
     if abs(pad.angle_rad) > tau:
         yield "angle_rad", f"{pad.angle_rad:g} rad", "give it in rad, from -6.28 to 6.28: 90 deg are 1.571"
@@ -151,10 +160,10 @@ def _of_any(pad: Pad) -> Iterator[tuple[str, str, str]]:
     if pad.index and (pad.order != "row-major" or pad.first != "top-left"):
         yield "index", "given beside order or first", "give one of them"
     if pad.pose is not None:
-        if hypot(*pad.pose[:3]) > _LARGEST_HAND_M:
+        if hypot(*pad.pose[:3]) > _LARGEST.hand_m:
             yield "pose", f"{hypot(*pad.pose[:3]):g} m from the frame's origin", "give x, y, z in m: 40 mm are 0.04"
         length = dist(pad.pose[3:], (0.0, 0.0, 0.0, 0.0))
-        if not isfinite(length) or abs(length - 1.0) > _QUATERNION_TOLERANCE:
+        if not isfinite(length) or abs(length - 1.0) > _LARGEST.quaternion_error:
             yield (
                 "pose",
                 f"quaternion of length {length:.3g}",

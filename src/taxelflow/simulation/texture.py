@@ -13,14 +13,22 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.simulation.parameters import Contact
 
-_WAVES = 12
-"""Cosines in a texture: enough for an irregular pattern in every direction."""
-_WAVELENGTHS = (0.7, 1.5)
-"""Range of their wavelengths over `contact.wavelength_m`."""
+
+@dataclass(frozen=True, slots=True)
+class _Waves:
+    """A random texture, and feet."""
+
+    count: int = 12
+    """Cosines in a texture: enough for an irregular pattern in every direction."""
+    lengths: tuple[float, float] = (0.7, 1.5)
+    """Range of their wavelengths over `contact.wavelength_m`."""
+    uneven: float = 0.4
+    """Largest difference of the feet's peaks over the highest one."""
+
+
+_WAVES = _Waves()
 _GOLDEN = (np.sqrt(5) - 1) / 2
 """Golden ratio: its multiples modulo 1 are evenly spread and never repeat."""
-_UNEVEN = 0.4
-"""Largest difference of the feet's peaks over the highest one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,17 +54,17 @@ class Texture:
     def factor(self, depth: float, along: Floats, across: Floats, deformed: Floats) -> Floats:
         """Factor (...) on the pressure: mean 1, standard deviation `depth`, not below 0."""
         waves = sum(self.terms(along, across, deformed), np.zeros(()))
-        factor: Floats = np.clip(1.0 + depth * np.sqrt(2 / _WAVES) * waves, 0.0, None)
+        factor: Floats = np.clip(1.0 + depth * np.sqrt(2 / _WAVES.count) * waves, 0.0, None)
         return factor
 
 
 def texture_of(contact: Contact, seed: int) -> Texture:
     """Texture of an object: waves in all directions, of similar wavelengths."""
     random = np.random.default_rng([seed, TEXTURE])
-    length = contact.wavelength_m * random.uniform(*_WAVELENGTHS, _WAVES)
-    direction = random.uniform(0.0, np.pi, _WAVES)
+    length = contact.wavelength_m * random.uniform(*_WAVES.lengths, _WAVES.count)
+    direction = random.uniform(0.0, np.pi, _WAVES.count)
     wave = 2 * np.pi / length[:, np.newaxis] * np.stack([np.cos(direction), np.sin(direction)], axis=1)
-    phase, drift = random.uniform(-np.pi, np.pi, (2, _WAVES))
+    phase, drift = random.uniform(-np.pi, np.pi, (2, _WAVES.count))
     return Texture(wave, phase, drift, length)
 
 
@@ -67,7 +75,7 @@ def feet_of(contact: Contact) -> tuple[Floats, Floats]:
     of uniform density, without a lattice that a translation could map onto itself.
     """
     number = np.arange(len(contact.feet_at_m) or contact.feet)
-    peaks: Floats = 1.0 - _UNEVEN * (number * _GOLDEN % 1.0)
+    peaks: Floats = 1.0 - _WAVES.uneven * (number * _GOLDEN % 1.0)
     if contact.feet_at_m:
         return np.array(contact.feet_at_m), peaks
     if contact.feet_on == "disc":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import erfc
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +31,18 @@ NEW, RESTING, SLIPPING = range(3)
 """Modes of a pad: no contact, or one that is too young to be judged; at rest; slipping."""
 _MIN_POSES = 3
 """Poses of a contact before it is judged."""
-_STOP_ODDS, _RESUME_ODDS, _FINAL_ODDS = 3.0, 0.02, 30.0
-"""Odds of a stop above which it is reported, below which the report is withdrawn, and above which it is final."""
+
+
+class _Stop(NamedTuple):
+    """Odds of a stop."""
+
+    reported: float = 3.0
+    withdrawn: float = 0.02
+    final: float = 30.0
+    """Odds of a stop above which it is reported, below which the report is withdrawn, and above which it is final."""
+
+
+_STOP = _Stop()
 _END_SIGMAS = 2.5
 """A method without displacement stops slipping below this disturbance, standard deviations: 1 % of a still object's
 scans exceed it."""
@@ -213,17 +224,17 @@ def _scale_noise(state: PadState) -> None:
 def _test_stop(odds: float, parameters: Parameters, state: PadState, change: Change) -> None:
     """Has a slipping object stopped? odds: of `stop_odds`, after its last measurement."""
     slide, stop = state.slide, state.slide.stop
-    change.statistic = _STOP_ODDS / odds
-    if odds > _STOP_ODDS and not slide.stop_reported:
+    change.statistic = _STOP.reported / odds
+    if odds > _STOP.reported and not slide.stop_reported:
         slide.stop_reported = True
         duration_s = max(stop.since_s - slide.start_s, ROUNDING_S)
         for axis in range(3):
             slide.residual[axis] = (stop.position[axis] - slide.origin[axis]) / duration_s
         _report(stop.since_s, slide.residual, not slide.yaw_lost, change)
-    elif odds < _RESUME_ODDS and slide.stop_reported:
+    elif odds < _STOP.withdrawn and slide.stop_reported:
         slide.stop_reported = False
         _report(slide.start_s, slide.velocity, not slide.yaw_lost, change)
-    if odds > _FINAL_ODDS:
+    if odds > _STOP.final:
         state.mode = RESTING
         for axis in range(3):
             state.mean_variance[axis] = 0.0  # that of another place

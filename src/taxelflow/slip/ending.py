@@ -11,7 +11,7 @@ costs a scan or two; an early one can be withdrawn until the odds are clear.
 from __future__ import annotations
 
 from math import exp, log
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -29,18 +29,33 @@ from taxelflow.slip.hypotheses import merge_closest
 from taxelflow.slip.measurement import Measurement
 from taxelflow.slip.onset import MAX_EXPONENT, SlipEstimate
 
-_PRIOR_STOPS, _PRIOR_S = 3.0, 1.0
-"""n and T_0 of the rate of a stop: a slip lasts a third of a second."""
-_VELOCITY_WALK = 0.002
-"""Random walk of the velocity of a slip, m/s per root s."""
-_PATH_ERROR = 0.1
-"""Error of a displacement as a share of its length, beyond the noise of an object at rest."""
-_MIN_SPEED_CREEPS = 3.0
-"""A slip is faster than this multiple of the creep of `SlipMonitor`."""
-MAX_STOPS = 12
-"""Stops that are tested at a time."""
-_RECENT_STOPS = 6
-"""The latest stops, which are never merged."""
+
+class _Slip(NamedTuple):
+    """Prior of a slip, and of its end."""
+
+    stops: float = 3.0
+    prior_s: float = 1.0
+    """n and T_0 of the rate of a stop: a slip lasts a third of a second."""
+    velocity_walk: float = 0.002
+    """Random walk of the velocity of a slip, m/s per root s."""
+    path_error: float = 0.1
+    """Error of a displacement as a share of its length, beyond the noise of an object at rest."""
+    creeps: float = 3.0
+    """A slip is faster than this multiple of the creep of `SlipMonitor`."""
+
+
+_SLIP = _Slip()
+
+
+class _Stops(NamedTuple):
+    """Stops that are tested at a time."""
+
+    most: int = 12
+    recent: int = 6
+    """The latest stops, which are never merged."""
+
+
+_STOPS = _Stops()
 
 
 class Stop:
@@ -89,7 +104,7 @@ class SlideState:
     """Scratch values of `stop_odds`."""
     count: int
     """Stops in use, oldest first."""
-    stops: Annotated[Records, Stop, MAX_STOPS]
+    stops: Annotated[Records, Stop, _STOPS.most]
     stop: StopEstimate
 
 
@@ -152,7 +167,7 @@ def stop_odds(measurement: Measurement, creep_m_s: float, slide: SlideState) -> 
     for j in range(slide.count):
         each: Stop = slide.stops[j]
         _update_stop(measurement, own, axes, slipping, each, slide)
-        rate_hz = _PRIOR_STOPS / (_PRIOR_S + max(each.start_s - slide.start_s, 0.0))
+        rate_hz = _SLIP.stops / (_SLIP.prior_s + max(each.start_s - slide.start_s, 0.0))
         share = rate_hz * each.weight * exp(min(each.log_ratio, MAX_EXPONENT))
         odds += share
         if share > most:
@@ -160,16 +175,16 @@ def stop_odds(measurement: Measurement, creep_m_s: float, slide: SlideState) -> 
             _estimate_stop(each.start_s + 0.5 * each.weight, each.variance, each.position, stop)
     turn_m = slide.velocity[2] * np.sqrt(own / noise.variance[2]) if yaw_used else 0.0
     speed = np.sqrt(slide.velocity[0] ** 2 + slide.velocity[1] ** 2 + turn_m**2) + np.sqrt(slide.q_vv)
-    return odds if speed > _MIN_SPEED_CREEPS * creep_m_s else np.inf
+    return odds if speed > _SLIP.creeps * creep_m_s else np.inf
 
 
 @routine
 def _update_slide(measurement: Measurement, own: float, axes: int, slide: SlideState) -> float:
     """Kalman filter of position and velocity; the log likelihood of the measurement, relative to its noise."""
     dt, e = measurement.t_s - measurement.previous_s, slide.residual
-    pp, pv, vv = slide.q_pp, slide.q_pv, slide.q_vv + _VELOCITY_WALK**2 * dt
+    pp, pv, vv = slide.q_pp, slide.q_pv, slide.q_vv + _SLIP.velocity_walk**2 * dt
     way = dt * np.hypot(slide.velocity[0], slide.velocity[1])
-    pp, pv = pp + 2.0 * dt * pv + dt * dt * vv + (_PATH_ERROR * way) ** 2, pv + dt * vv
+    pp, pv = pp + 2.0 * dt * pv + dt * dt * vv + (_SLIP.path_error * way) ** 2, pv + dt * vv
     total = pp + own
     for axis in range(3):
         slide.position[axis] += dt * slide.velocity[axis]
@@ -212,8 +227,8 @@ def _estimate_stop(since_s: float, variance: float, position: Floats, stop: Stop
 def _start_stop(t_s: float, previous_s: float, slide: SlideState) -> None:
     """Add a stop between the measurement before and this one; its position is uniform over the path in between."""
     dt = t_s - previous_s
-    if slide.count == MAX_STOPS:
-        merge_closest(t_s, slide.count, _RECENT_STOPS, slide.stops)
+    if slide.count == _STOPS.most:
+        merge_closest(t_s, slide.count, _STOPS.recent, slide.stops)
         slide.count -= 1
     stop: Stop = slide.stops[slide.count]
     stop.start_s, stop.weight, stop.log_ratio = previous_s, dt, 0.0

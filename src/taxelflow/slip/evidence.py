@@ -10,67 +10,78 @@ forward and backward for a recording.
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
 
-REST_CHANGE = 0.015
-"""Unexplained change within 0.3 s of an object at rest on a soft skin, share of the pattern: the median of ten
-recordings is between 0.5 and 2 %."""
-REST_EXPONENT = 0.25
-"""Power of time with which that grows: ten recordings, medians of 1.0 % in 0.3 s, 1.3 % in 1.2 s, 1.6 % in 2.2 s."""
-GROWTH = 0.2
-"""Unexplained change per change of the log load, of a contact not known yet: a patch that grows changes its pattern.
-Ten recordings: 0.1. A Gaussian patch whose width grows as the cube root of its load: 0.33. A patch that grows over a
-border: 0.6, which has to be learned."""
-_GROWTH_BINS, _PRIOR_GROWTH_BINS = 30, 5
-"""Bins whose median is the growth of a contact, and how many have the usual value at first."""
-_SLIP_FACTOR = 6.0
-"""Change of a pattern in a slip over that at rest; the spread of the change of shear grows as much."""
-_SPREAD = 0.6
-"""Standard deviation of the logarithm of an unexplained change."""
-_CORRELATION = 0.3
-"""Of these logarithms of pattern and shear: what disturbs one disturbs the other."""
-AT_REST = -0.5 * float(np.log(_SLIP_FACTOR) / _SPREAD) ** 2
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """Model of the unexplained change of a pattern, and of the spread of the change of shear."""
+
+    at_rest: float = 0.015
+    """Unexplained change within 0.3 s of an object at rest on a soft skin, share of the pattern: the median of ten
+    recordings is between 0.5 and 2 %."""
+    exponent: float = 0.25
+    """Power of time with which that grows: ten recordings, medians of 1.0 % in 0.3 s, 1.3 % in 1.2 s, 1.6 % in 2.2
+    s."""
+    growth: float = 0.2
+    """Unexplained change per change of the log load, of a contact not known yet: a patch that grows changes its
+    pattern. Ten recordings: 0.1. A Gaussian patch whose width grows as the cube root of its load: 0.33. A patch that
+    grows over a border: 0.6, which has to be learned."""
+    growth_bins: int = 30
+    prior_bins: int = 5
+    """Bins whose median is the growth of a contact, and how many have the usual value at first."""
+    slip_factor: float = 6.0
+    """Change of a pattern in a slip over that at rest; the spread of the change of shear grows as much."""
+    spread: float = 0.6
+    """Standard deviation of the logarithm of an unexplained change."""
+    correlation: float = 0.3
+    """Of these logarithms of pattern and shear: what disturbs one disturbs the other."""
+    largest_ratio: float = 10.0
+    """Upper limit of a log likelihood ratio: a bin is no proof."""
+
+
+CHANGE = _Change()
+AT_REST = -0.5 * float(np.log(CHANGE.slip_factor) / CHANGE.spread) ** 2
 """Log likelihood ratio of a change of the pattern as it is at rest."""
-_LARGEST_RATIO = 10.0
-"""Upper limit of a log likelihood ratio: a bin is no proof."""
 REST_S, SLIDE_S = 5.0, 0.7
 """Prior mean durations of rest and of a slip in the hand."""
 
 
 def first_growths() -> deque[float]:
     """Growths of the latest bins, of a contact not known yet."""
-    return deque([GROWTH] * _PRIOR_GROWTH_BINS, maxlen=_GROWTH_BINS)
+    return deque([CHANGE.growth] * CHANGE.prior_bins, maxlen=CHANGE.growth_bins)
 
 
 def log_likelihood_ratio(
-    share: Floats, noise_power: Floats, rise: Floats, growth: Floats, rest: Floats | float = REST_CHANGE
+    share: Floats, noise_power: Floats, rise: Floats, growth: Floats, rest: Floats | float = CHANGE.at_rest
 ) -> Floats:
     """Log likelihood ratio of "moved" against "load and tilt only".
 
     share: unexplained share of the pattern's power. noise_power: what noise leaves of it unexplained. rise: change of
     the log load. growth: unexplained change at rest per change of the log load. rest: the change at a steady load.
     """
-    apart = np.log(_SLIP_FACTOR) / _SPREAD
+    apart = np.log(CHANGE.slip_factor) / CHANGE.spread
     far = distance(share, rest, noise_power, rise, growth)
-    ratio: Floats = np.clip(apart * (far - 0.5 * apart), -_LARGEST_RATIO, _LARGEST_RATIO)
+    ratio: Floats = np.clip(apart * (far - 0.5 * apart), -CHANGE.largest_ratio, CHANGE.largest_ratio)
     return ratio
 
 
 def distance(share: Floats, rest: Floats | float, noise_power: Floats, rise: Floats, growth: Floats) -> Floats:
     """Of the logarithm of a change from its mean at rest, standard deviations. rest: the change at a steady load."""
     usual = rest**2 + (growth * rise) ** 2 + noise_power
-    far: Floats = 0.5 * np.log(np.maximum(share, 1e-12) / usual) / _SPREAD
+    far: Floats = 0.5 * np.log(np.maximum(share, 1e-12) / usual) / CHANGE.spread
     return far
 
 
 def joint_log_likelihood_ratio(pattern: Floats, shear: Floats) -> Floats:
     """Of both witnesses, whose logarithms are normal, correlated and alike. pattern, shear: `distance` of each."""
-    apart = np.log(_SLIP_FACTOR) / _SPREAD
-    joint = apart * (pattern + shear - apart) / (1 + _CORRELATION)
-    ratio: Floats = np.clip(joint, -_LARGEST_RATIO, _LARGEST_RATIO)
+    apart = np.log(CHANGE.slip_factor) / CHANGE.spread
+    joint = apart * (pattern + shear - apart) / (1 + CHANGE.correlation)
+    ratio: Floats = np.clip(joint, -CHANGE.largest_ratio, CHANGE.largest_ratio)
     return ratio
 
 

@@ -12,8 +12,7 @@ from taxelflow.messages import joined
 from taxelflow.numerics.bins import AHEAD_BINS, BIN_S
 from taxelflow.slip.evidence import (
     AT_REST,
-    REST_CHANGE,
-    REST_EXPONENT,
+    CHANGE,
     REST_S,
     SLIDE_S,
     distance,
@@ -39,8 +38,8 @@ LIVE_DELAY_S = (LIVE_AFTER_BINS + 1) * BIN_S
 """Time within which a stream's pattern shows a slip."""
 _SOON_BINS = BEFORE_BINS + 1 + AFTER_BINS
 """Bins within which the pattern of a slip that begins has changed."""
-_LONGER_REST = REST_CHANGE * np.array([((between + 2) / 3) ** REST_EXPONENT for between in BASELINE_BINS])
-"""(baselines,), unexplained change at rest over longer baselines; `REST_CHANGE` has one bin between its patterns."""
+_LONGER_REST = CHANGE.at_rest * np.array([((between + 2) / 3) ** CHANGE.exponent for between in BASELINE_BINS])
+"""(baselines,), unexplained change at rest over longer baselines; `CHANGE.at_rest` has one bin between its patterns."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,7 +123,7 @@ class _Forward:
         with np.errstate(invalid="ignore"):
             noise, rise = changes.spread_noise[scan], changes.rise[scan]
             shear = distance(share, self._shear.spread, noise, rise, self._shear.growth)
-            both = joint_log_likelihood_ratio(distance(changes.unexplained[scan], REST_CHANGE, *usual), shear)
+            both = joint_log_likelihood_ratio(distance(changes.unexplained[scan], CHANGE.at_rest, *usual), shear)
         self._shear.update(changes, scan, ratio)
         return np.where(np.isfinite(share), both, ratio)
 

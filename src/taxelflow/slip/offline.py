@@ -16,19 +16,31 @@ import numpy as np
 from taxelflow.messages import Event, Floats, Slips
 from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.slip.measurement import MIN_STD_M
-from taxelflow.slip.onset import MAX_AGE_SCANS
+from taxelflow.slip.onset import RAMPS
 from taxelflow.slip.session import Detected, SlipSession
 
 if TYPE_CHECKING:
     from taxelflow.numerics.records import Records
 
-_LOOKBACK_SCANS, _LOOKAHEAD_SCANS = MAX_AGE_SCANS, 20
-"""A change lies at most this many scans before its report, and the fit uses at most this many scans after the report.
-64 is the largest age of a ramp of the onset detector."""
-_SIDE_SCANS, _MIN_SIDE_SCANS = 20, 2
-"""Most and fewest scans on each side of a change that the fit uses."""
-_SEARCH_SCANS, _STEPS_PER_SCAN = 8.0, 10
-"""The change is searched within this many scans of the detector's estimate, on a grid of this many points per scan."""
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """Where a change is searched, and with which scans."""
+
+    back_scans: int = RAMPS.age_scans
+    ahead_scans: int = 20
+    """A change lies at most this many scans before its report, and the fit uses at most this many scans after the
+    report. 64 is the largest age of a ramp of the onset detector."""
+    side_scans: int = 20
+    least_side_scans: int = 2
+    """Most and fewest scans on each side of a change that the fit uses."""
+    scans: float = 8.0
+    steps_per_scan: int = 10
+    """The change is searched within this many scans of the detector's estimate, on a grid of this many points per
+    scan."""
+
+
+_SEARCH = _Search()
 _RETURN_SIGMAS = 4.0
 """A short slip counts if its end is this many standard deviations away from its start."""
 
@@ -90,14 +102,14 @@ class OfflineSlipSession:
 
     def finish(self) -> Detected:
         """The scans and events that `step` has held back."""
-        return self._advance(self._first + len(self._t) + _LOOKBACK_SCANS + _LOOKAHEAD_SCANS)
+        return self._advance(self._first + len(self._t) + _SEARCH.back_scans + _SEARCH.ahead_scans)
 
     def _advance(self, seen: int) -> Detected:
         """Refine the events that are due after this many scans, and give the scans that are final."""
         for number, pad in enumerate(self._pads):
-            while pad.pending and pad.pending[0][0] + _LOOKAHEAD_SCANS < seen:
+            while pad.pending and pad.pending[0][0] + _SEARCH.ahead_scans < seen:
                 self._refine(number, pad)
-        start, stop = self._given, max(seen - _LOOKBACK_SCANS - _LOOKAHEAD_SCANS, self._given)
+        start, stop = self._given, max(seen - _SEARCH.back_scans - _SEARCH.ahead_scans, self._given)
         times = self._t[start - self._first : stop - self._first]
         slipping = np.zeros((len(times), len(self._pads)), dtype=np.bool_)
         found: list[tuple[int, int, Event]] = []
@@ -112,7 +124,7 @@ class OfflineSlipSession:
             slipping[done:, number] = pad.slipping
         statistic = self._statistic[start - self._first : stop - self._first].copy()
         self._given = stop
-        self._drop_before(stop - _LOOKBACK_SCANS - _SIDE_SCANS)
+        self._drop_before(stop - _SEARCH.back_scans - _SEARCH.side_scans)
         return Detected(slipping, [event for _, _, event in sorted(found, key=lambda one: one[:2])], statistic)
 
     def _drop_before(self, scan: int) -> None:
@@ -129,7 +141,7 @@ class OfflineSlipSession:
         A slip that was over before it was reported is one of the jump test: it has no path to be refined by.
         """
         scan, event = pad.pending.pop(0)
-        later = [(k, other) for k, other in pad.pending if k <= scan + _LOOKAHEAD_SCANS]
+        later = [(k, other) for k, other in pad.pending if k <= scan + _SEARCH.ahead_scans]
         if event.event in ("contact", "release"):
             pad.refined.append(replace(event, onset_s=event.t_s))
             pad.last_s = event.t_s
@@ -144,7 +156,7 @@ class OfflineSlipSession:
         pad.jumped = starts and jumped
         keep = jumped or np.isnan(event.speed_m_s)
         onset_s = event.onset_s if keep else self._change_point(number, scan, event, pad.last_s, next_s)
-        earliest = self._t[max(scan - _LOOKBACK_SCANS - self._first, 0)]
+        earliest = self._t[max(scan - _SEARCH.back_scans - self._first, 0)]
         pad.last_s = float(max(onset_s, earliest, pad.last_s))
         pad.refined.append(replace(event, onset_s=pad.last_s))
 
@@ -153,14 +165,14 @@ class OfflineSlipSession:
         if np.isnan(start.speed_m_s) or np.isnan(end.speed_m_s):
             return False
         t, first = self._pose_t[:, number], self._first
-        low = max(scan - _LOOKBACK_SCANS - first, 0)
+        low = max(scan - _SEARCH.back_scans - first, 0)
         begin, stop = (int(np.searchsorted(t, one.onset_s, side="right")) for one in (start, end))
-        last = min(scan + _LOOKAHEAD_SCANS + 1 - first, len(t))
+        last = min(scan + _SEARCH.ahead_scans + 1 - first, len(t))
         moved, variance = self._moved[:, number], self._variance[:, number]
-        before, after = slice(max(begin - _SIDE_SCANS, low), begin), slice(stop, last)
+        before, after = slice(max(begin - _SEARCH.side_scans, low), begin), slice(stop, last)
         if (
-            begin - before.start < _MIN_SIDE_SCANS
-            or last - stop < _MIN_SIDE_SCANS
+            begin - before.start < _SEARCH.least_side_scans
+            or last - stop < _SEARCH.least_side_scans
             or np.isnan(moved[before.start + 1 : last, :2]).any()
         ):
             return False
@@ -172,13 +184,13 @@ class OfflineSlipSession:
 
     def _change_point(self, number: int, scan: int, event: Event, since_s: float, until_s: float) -> float:
         """Time of an event that was reported at a scan, s, by the path between the events before and after it."""
-        start, stop = max(scan - _LOOKBACK_SCANS - self._first, 0), scan + _LOOKAHEAD_SCANS + 1 - self._first
+        start, stop = max(scan - _SEARCH.back_scans - self._first, 0), scan + _SEARCH.ahead_scans + 1 - self._first
         t, moved = self._pose_t[start:stop, number], self._moved[start:stop, number]
         near = int(np.searchsorted(t, event.onset_s))
         broken = np.flatnonzero(np.isnan(moved[:, 0]))
-        low = max(near - _SIDE_SCANS, int(np.searchsorted(t, since_s)), *broken[broken <= near].tolist(), 0)
-        high = min(near + _SIDE_SCANS, int(np.searchsorted(t, until_s)), *broken[broken > near].tolist(), len(t))
-        if near - low < _MIN_SIDE_SCANS or high - near < _MIN_SIDE_SCANS:
+        low = max(near - _SEARCH.side_scans, int(np.searchsorted(t, since_s)), *broken[broken <= near].tolist(), 0)
+        high = min(near + _SEARCH.side_scans, int(np.searchsorted(t, until_s)), *broken[broken > near].tolist(), len(t))
+        if near - low < _SEARCH.least_side_scans or high - near < _SEARCH.least_side_scans:
             return event.onset_s
         here = slice(low, high)
         path = np.cumsum(np.where(np.arange(high - low)[:, np.newaxis] > 0, moved[here], 0.0), axis=0)
@@ -195,7 +207,9 @@ def _fit_change_point(t: Floats, path: Floats, weight: Floats, near_s: float, si
     has a closed form; the best time explains most of the weighted squares. `near_s` if nothing is explained.
     """
     scan_s = float(np.median(np.diff(t)))
-    grid = near_s + scan_s * np.arange(-_SEARCH_SCANS, _SEARCH_SCANS + 0.5 / _STEPS_PER_SCAN, 1.0 / _STEPS_PER_SCAN)
+    grid = near_s + scan_s * np.arange(
+        -_SEARCH.scans, _SEARCH.scans + 0.5 / _SEARCH.steps_per_scan, 1.0 / _SEARCH.steps_per_scan
+    )
     grid = grid[(grid >= t[0]) & (grid <= t[-1])]
     ramp = np.maximum(side * (t - grid[:, np.newaxis]), 0.0)
     total = weight.sum(axis=0)

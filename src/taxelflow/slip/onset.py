@@ -15,7 +15,7 @@ minus the elapsed time is a martingale, and the mean time to a false alarm is at
 from __future__ import annotations
 
 from math import exp, log
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -26,19 +26,27 @@ from taxelflow.slip.hypotheses import merge_closest, remove
 from taxelflow.slip.measurement import Measurement
 from taxelflow.slip.rest_filter import RestState, correlation_inflation, noise_scale
 
-REACH = 2.0
-"""Prior standard deviation of a slip's motion from scan to scan, in standard deviations of a pose. Slower and faster
-slips are found too, a few scans later."""
-MAX_RAMPS = 20
-"""Start times that are tested at a time."""
-_RECENT_RAMPS = 8
-"""The latest start times, which are never merged."""
-_MAX_AGE_S, MAX_AGE_SCANS = 2.0, 64
-"""The oldest start time is dropped at the larger of these ages, in s and in mean scans of the time between the last
-two. Merged instead, it would gain weight as long as the object rests, and so would the rate of alarms."""
-_MIN_VISIBLE_SHARE = 0.1
-"""Smallest share of F that the rest filter must leave of a ramp: a third of its path. The rest of a slip that the
-filter attributes to the load follows the noise of the load, which correlates with that of the pose."""
+
+class _Ramps(NamedTuple):
+    """Ramps that the onset detector tests: slips that began at some time."""
+
+    reach: float = 2.0
+    """Prior standard deviation of a slip's motion from scan to scan, in standard deviations of a pose. Slower and
+    faster slips are found too, a few scans later."""
+    most: int = 20
+    """Start times that are tested at a time."""
+    recent: int = 8
+    """The latest start times, which are never merged."""
+    age_s: float = 2.0
+    age_scans: int = 64
+    """The oldest start time is dropped at the larger of these ages, in s and in mean scans of the time between the last
+    two. Merged instead, it would gain weight as long as the object rests, and so would the rate of alarms."""
+    visible: float = 0.1
+    """Smallest share of F that the rest filter must leave of a ramp: a third of its path. The rest of a slip that the
+    filter attributes to the load follows the noise of the load, which correlates with that of the pose."""
+
+
+RAMPS = _Ramps()
 MAX_EXPONENT = 600.0
 """Upper limit of a log likelihood ratio: exp is finite up to 709."""
 _OVERSHOOT = ((0.235, 0.050), (0.143, 0.052), (0.130, 0.066))
@@ -89,7 +97,7 @@ class OnsetState:
 
     count: int
     """Ramps in use, oldest first."""
-    ramps: Annotated[Records, Ramp, MAX_RAMPS]
+    ramps: Annotated[Records, Ramp, RAMPS.most]
     slip: SlipEstimate
 
 
@@ -121,7 +129,7 @@ def shiryaev_roberts(measurement: Measurement, rest: RestState, onset: OnsetStat
         ramp: Ramp = onset.ramps[j]
         _extend(t_s, dt_s, rest, ramp)
         ratio, q = likelihood_ratio(ramp, square_sum, rest.components, rest.innovation.axes)
-        ratio *= ramp.weight if ramp.information > _MIN_VISIBLE_SHARE * ramp.raw_information else 0.0
+        ratio *= ramp.weight if ramp.information > RAMPS.visible * ramp.raw_information else 0.0
         statistic += ratio
         if ratio > most:
             most, likeliest, onset.slip.explained = ratio, j, q
@@ -131,7 +139,7 @@ def shiryaev_roberts(measurement: Measurement, rest: RestState, onset: OnsetStat
 
 @routine
 def _start_ramp(start_s: float, dt_s: float, ramp: Ramp) -> None:
-    ramp.start_s, ramp.weight, ramp.prior_information = start_s, dt_s, (dt_s / REACH) ** 2
+    ramp.start_s, ramp.weight, ramp.prior_information = start_s, dt_s, (dt_s / RAMPS.reach) ** 2
     ramp.response_a = ramp.response_b = ramp.response_c = 0.0
     ramp.information = ramp.yaw_information = ramp.raw_information = 0.0
     for axis in range(3):
@@ -187,11 +195,11 @@ def alarm_threshold(interval_s: float, dt_s: float, components: int) -> float:
 @routine
 def prune(t_s: float, onset: OnsetState) -> None:
     """Make room for one more ramp: drop the oldest if it is too old, else merge two."""
-    if onset.count < MAX_RAMPS:
+    if onset.count < RAMPS.most:
         return
     count, ramps = onset.count, onset.ramps
-    if t_s - ramps[0].start_s > max(_MAX_AGE_S, MAX_AGE_SCANS * (t_s - ramps[count - 1].start_s)):
+    if t_s - ramps[0].start_s > max(RAMPS.age_s, RAMPS.age_scans * (t_s - ramps[count - 1].start_s)):
         remove(0, count, ramps)
     else:
-        merge_closest(t_s, count, _RECENT_RAMPS, ramps)
+        merge_closest(t_s, count, RAMPS.recent, ramps)
     onset.count -= 1

@@ -14,6 +14,7 @@ noise, are u ~ N(0, s^2 I). s^2 and the lag-1 autocorrelation of u are learned.
 from __future__ import annotations
 
 from math import exp
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,23 +24,30 @@ from taxelflow.runtime.compiling import routine
 from taxelflow.slip.covariance import Cholesky, factorize, translation_axes, translation_variance, whiten
 from taxelflow.slip.measurement import Measurement, Parameters
 
-PRIOR_COMPONENTS = 20.0
-"""Weight of the reported covariance in the scale s^2, in components of u: about seven poses."""
-MEMORY_COMPONENTS = 3000.0
-"""Components of u over which s^2 is averaged: about a thousand poses."""
-MAX_SCALE = 25.0
-"""Upper limit of s^2: a covariance too small by more than a factor of 5 in standard deviation is not learned."""
-_MIN_SCALE = 0.9
-"""Lower limit of s^2 as applied: a covariance that is too large is corrected by 5 % in standard deviation only."""
-_MIN_MEAN_SQUARE = 0.01
-"""Lower limit of s^2 as learned, so that a method that repeats its pose recovers from it."""
-_MAX_LOAD_VARIANCE = 0.05
-"""Variance of the log load below which s^2 may be less than 1. A covariance that is too large under high load may be
-right under low load."""
+
+class _Scale(NamedTuple):
+    """How the scale s^2 of the noise is learned, and applied."""
+
+    prior: float = 20.0
+    """Weight of the reported covariance in the scale s^2, in components of u: about seven poses."""
+    memory: float = 3000.0
+    """Components of u over which s^2 is averaged: about a thousand poses."""
+    most: float = 25.0
+    """Upper limit of s^2: a covariance too small by more than a factor of 5 in standard deviation is not learned."""
+    least: float = 0.9
+    """Lower limit of s^2 as applied: a covariance that is too large is corrected by 5 % in standard deviation only."""
+    least_learned: float = 0.01
+    """Lower limit of s^2 as learned, so that a method that repeats its pose recovers from it."""
+    steady_variance: float = 0.05
+    """Variance of the log load below which s^2 may be less than 1. A covariance that is too large under high load may
+    be right under low load."""
+
+
+_SCALE = _Scale()
 _BLOCK_POSES = 16
 """Products of consecutive u count one block of poses later: the last block may contain a slip not detected yet."""
-_MAX_CORRELATION, _MAX_INFLATION = 0.8, 9.0
-"""Autocorrelation from which on the variance inflation is constant, and that constant: (1 + 0.8) / (1 - 0.8)."""
+_MAX_INFLATION = 9.0
+"""Largest variance inflation: that of an autocorrelation of 0.8."""
 _RELAXATION_S = 1.0
 """Time constant of the Gauss-Markov processes b and c."""
 _YAW_POSES = 20
@@ -115,8 +123,8 @@ def noise_scale(rest: RestState) -> float:
     """s^2: variance of the observed noise over that of the reported covariance. Below 1 only at steady load."""
     if rest.components == 0.0:
         return 1.0
-    least = _MIN_SCALE if rest.load_variance < _MAX_LOAD_VARIANCE else 1.0
-    return float(min(max(rest.square_sum / rest.components, least), MAX_SCALE))
+    least = _SCALE.least if rest.load_variance < _SCALE.steady_variance else 1.0
+    return float(min(max(rest.square_sum / rest.components, least), _SCALE.most))
 
 
 @routine
@@ -128,7 +136,7 @@ def correlation_inflation(rest: RestState) -> float:
     r = rest.product_sum / rest.square_sum - 1.0 / np.sqrt(rest.components)
     if r <= 0.0:
         return 1.0
-    return float((1.0 + r) / (1.0 - r)) if r < _MAX_CORRELATION else _MAX_INFLATION
+    return float((1.0 + r) / (1.0 - r)) if r < (_MAX_INFLATION - 1.0) / (_MAX_INFLATION + 1.0) else _MAX_INFLATION
 
 
 @routine
@@ -142,14 +150,14 @@ def start_rest(position: Floats, variance: float, log_load: float, parameters: P
     rest.log_load, rest.yaw_poses = log_load, _YAW_POSES
     rest.last_block, rest.this_block, rest.block_poses = 0.0, 0.0, 0
     if rest.components == 0.0:
-        rest.square_sum = rest.components = PRIOR_COMPONENTS
+        rest.square_sum = rest.components = _SCALE.prior
 
 
 @routine
 def discount_noise_scale(rest: RestState) -> None:
     """Reduce what was learned of the noise to the weight of the prior; keep s^2 only if it is above 1."""
-    rest.square_sum = PRIOR_COMPONENTS * max(noise_scale(rest), 1.0)
-    rest.components = PRIOR_COMPONENTS
+    rest.square_sum = _SCALE.prior * max(noise_scale(rest), 1.0)
+    rest.components = _SCALE.prior
     rest.product_sum = rest.mean_log_load = rest.load_variance = 0.0
 
 
@@ -232,9 +240,9 @@ def _use_yaw(measurement: Measurement, rest: RestState) -> bool:
 @routine
 def _update_load_statistics(log_load: float, rest: RestState) -> None:
     """Mean and variance of the log load, with the memory of the noise scale at two components a pose."""
-    if rest.components == PRIOR_COMPONENTS:
+    if rest.components == _SCALE.prior:
         rest.mean_log_load = log_load
-    weight, residual = 2.0 / MEMORY_COMPONENTS, log_load - rest.mean_log_load
+    weight, residual = 2.0 / _SCALE.memory, log_load - rest.mean_log_load
     rest.mean_log_load += weight * residual
     rest.load_variance = (1.0 - weight) * (rest.load_variance + weight * residual * residual)
 
@@ -244,10 +252,10 @@ def _update_noise_statistics(square: float, rest: RestState) -> None:
     """Scale and autocorrelation of the noise, from the last u and its squared length."""
     step = rest.innovation
     components = step.axes + (1 if step.yaw_used else 0)
-    keep = 1.0 - components / MEMORY_COMPONENTS
+    keep = 1.0 - components / _SCALE.memory
     rest.components = keep * rest.components + components
     total = keep * rest.square_sum + square
-    rest.square_sum = min(max(total, _MIN_MEAN_SQUARE * rest.components), MAX_SCALE * rest.components)
+    rest.square_sum = min(max(total, _SCALE.least_learned * rest.components), _SCALE.most * rest.components)
     rest.product_sum *= keep
     for axis in range(3):
         rest.this_block += step.whitened[axis] * rest.previous[axis]

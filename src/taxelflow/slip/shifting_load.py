@@ -34,7 +34,7 @@ from taxelflow.numerics.rest_or_slide import comparable, compare, covers
 from taxelflow.numerics.robust import CLEARLY
 from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.skins import prepare, skin_of
-from taxelflow.slip.evidence import GROWTH, REST_CHANGE, REST_EXPONENT, log_likelihood_ratio
+from taxelflow.slip.evidence import CHANGE, log_likelihood_ratio
 from taxelflow.slip.pattern_change import BEFORE_BINS
 from taxelflow.slip.restless import RESTLESS_SHARE
 
@@ -221,10 +221,10 @@ def _is_odd(before: _Pattern, now: _Pattern, rest: float, noise: float) -> bool:
     deviation.
     """
     power = float(now.pressure @ now.pressure)
-    usual = REST_CHANGE * ((now.until_s - before.until_s) / _WINDOW_S) ** REST_EXPONENT
+    usual = CHANGE.at_rest * ((now.until_s - before.until_s) / _WINDOW_S) ** CHANGE.exponent
     rise = np.log(now.pressure.sum() / before.pressure.sum())
     share, noise_power = np.array([rest, len(now.pressure) * noise**2]) / power
-    return bool(log_likelihood_ratio(share, noise_power, rise, np.array(GROWTH), usual) > 0.0)
+    return bool(log_likelihood_ratio(share, noise_power, rise, np.array(CHANGE.growth), usual) > 0.0)
 
 
 @kernel

@@ -11,14 +11,13 @@ from typing import Annotated, NamedTuple
 
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, Vector
+from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.runtime.compiling import routine
 
 MOST_SEGMENTS = 12
 _MOST_KNOTS = MOST_SEGMENTS + 2
 _ROWS = 3 * _MOST_KNOTS
 """Unknowns at most: three coordinates at each knot."""
-_MIN_SEGMENT_SCANS = 3
-"""A segment has at least this many scans."""
 _MOST_CANDIDATES = 24
 """Times at which a further knot is tried, evenly spread over the scans."""
 
@@ -108,7 +107,7 @@ def place_knots(t: Floats, sums: Sums, readings: int, spline: Spline) -> tuple[i
 @routine
 def _room(knots: Records, segment: int) -> int:
     """Scans of a segment at which it can be divided."""
-    return max(int(knots[segment + 1].scan - knots[segment].scan) - 2 * _MIN_SEGMENT_SCANS + 1, 0)
+    return max(int(knots[segment + 1].scan - knots[segment].scan) - 2 * LINE_POINTS + 1, 0)  # each part is a line
 
 
 @routine
@@ -121,7 +120,7 @@ def _with_another(held: int, number: int, t: Floats, spline: Spline) -> None:
     for k in range(held + 1):
         trial[k] = knots[k if k <= segment else k - 1]
     added: Knot = trial[segment + 1]
-    added.scan = knots[segment].scan + _MIN_SEGMENT_SCANS + number
+    added.scan = knots[segment].scan + LINE_POINTS + number
     added.t_s = t[added.scan]
 
 

@@ -14,6 +14,7 @@ from taxelflow.slip.cut_contact import BorderLoss
 from taxelflow.slip.measurement import parameter_records
 from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
 from taxelflow.slip.offline import OfflineSlipSession
+from taxelflow.slip.onset import MAX_EXPONENT
 from taxelflow.slip.pad_agreement import PadAgreement
 from taxelflow.slip.pattern_change import BASELINE_BINS, PatternChanges, PatternWatch
 from taxelflow.slip.session import SlipSession
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from taxelflow.slip.session import Detected
 
 Block = TypeVar("Block", Odds, PatternChanges)
-_MOST_LOG = 700.0
-"""Bound of log odds whose exponential is a number."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +160,7 @@ class SlipStage:
         complete = self._completed.step(slips, slipping, found, self._lost(count))
         statistic = statistics[:count]
         if np.count_nonzero(odds.restless):
-            statistic = np.where(odds.restless, np.exp(np.clip(decisive, -_MOST_LOG, _MOST_LOG)), statistic)
+            statistic = np.where(odds.restless, np.exp(np.clip(decisive, -MAX_EXPONENT, MAX_EXPONENT)), statistic)
         sticks = self._sticking.step(slips.contact, slipping, odds.log_odds) if self._sheared else None
         events = [*complete, *self._completed.finish()] if last else complete
         return Judged(slipping, odds.log_odds, statistic, events, sticks, begun_s)

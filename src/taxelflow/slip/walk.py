@@ -11,7 +11,7 @@ a large covariance. It is inversely proportional to the square of the load, as a
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,12 +22,21 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.slip.covariance import Covariance
 
-_WEIGHT, _MOST = 0.02, 4.0
-"""Weight of a pose in the mean growth (about 50 poses), and the multiple of the mean at which its growth is cut."""
-_LEAST_SHARE = 0.01
-"""Share of a pose's variance that is a walk worth learning: less is lost in creep and load."""
-_MOST_SHARE = 1.8
-"""Largest walk over half the variance of a step, for which it may be 2 at most: then nothing would be left for r."""
+
+class _Walk(NamedTuple):
+    """How the walk of a pose is learned."""
+
+    weight: float = 0.02
+    most_growth: float = 4.0
+    """Weight of a pose in the mean growth (about 50 poses), and the multiple of the mean at which its growth is cut."""
+    least_share: float = 0.01
+    """Share of a pose's variance that is a walk worth learning: less is lost in creep and load."""
+    most_share: float = 1.8
+    """Largest walk over half the variance of a step, for which it may be 2 at most: then nothing would be left for
+    r."""
+
+
+_WALK = _Walk()
 
 
 class Walk:
@@ -57,13 +66,13 @@ def learn_walk(matrix: Floats, usual: Floats, log_load: float, rests: bool, walk
     first = np.isnan(walk.last[0]) and np.isnan(walk.last[1])
     if rests and not first:
         walk.poses += 1
-    weight = max(1.0 / max(walk.poses, 1), _WEIGHT)
+    weight = max(1.0 / max(walk.poses, 1), _WALK.weight)
     for axis in range(3):
         before, now = walk.last[axis], matrix[axis, axis]
         walk.last[axis] = now
         if rests and not (np.isnan(before) or np.isnan(now)):
             mean = walk.growth[axis]
-            most = _MOST * max(mean, _LEAST_SHARE * usual[axis] * square)
+            most = _WALK.most_growth * max(mean, _WALK.least_share * usual[axis] * square)
             walk.growth[axis] += weight * (min(max((now - before) * square, -most), most) - mean)
 
 
@@ -77,14 +86,14 @@ def split_walk(noise: Covariance, log_load: float, walk: Walk) -> float:
     shares, square, least, largest = np.zeros(3), np.exp(-2.0 * log_load), np.inf, 0.0
     for axis in range(3):
         if not np.isnan(noise.variance[axis]):
-            part = min(max(walk.growth[axis], 0.0) * square / noise.variance[axis], _MOST_SHARE)
+            part = min(max(walk.growth[axis], 0.0) * square / noise.variance[axis], _WALK.most_share)
             shares[axis] = part / (1.0 - part / 2.0)
             largest = max(largest, shares[axis])
             if axis < 2:
                 least = min(least, shares[axis])
-    if largest < _LEAST_SHARE:
+    if largest < _WALK.least_share:
         return 0.0
-    least = max(least, _LEAST_SHARE)
+    least = max(least, _WALK.least_share)
     for axis in range(3):
         shares[axis] = np.sqrt(max(1.0, shares[axis] / least) / (1.0 + shares[axis] / 2.0))
         noise.variance[axis] *= shares[axis] ** 2

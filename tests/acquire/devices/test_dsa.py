@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from streaming import PALM
 from taxelflow.acquire.devices.base import Faults
-from taxelflow.acquire.devices.dsa import POLYNOMIAL, PREAMBLE, SCAN, DsaParser, cells_of, frame
+from taxelflow.acquire.devices.dsa import POLYNOMIAL, PREAMBLE, DsaParser, Message, cells_of, frame
 from taxelflow.acquire.devices.frames import crc_table
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ TABLE = crc_table(int(POLYNOMIAL, 16))
 
 
 def scan(number: int) -> bytes:
-    return frame(SCAN, struct.pack("<IB", number, 0) + np.full(CELLS, number, "<u2").tobytes(), TABLE)
+    return frame(Message.SCAN, struct.pack("<IB", number, 0) + np.full(CELLS, number, "<u2").tobytes(), TABLE)
 
 
 def received(garbage: Sequence[bytes], piece: int) -> list[int]:
@@ -38,7 +38,7 @@ GARBAGE = st.one_of(
     st.just(b""),
     st.binary(max_size=30),
     st.integers(1, len(scan(7)) - 1).map(lambda size: scan(7)[:size]),
-    st.integers(0, 2**16 - 1).map(lambda size: PREAMBLE + struct.pack("<BH", SCAN, size)),
+    st.integers(0, 2**16 - 1).map(lambda size: PREAMBLE + struct.pack("<BH", Message.SCAN, size)),
 )
 
 
@@ -52,5 +52,5 @@ def test_every_scan_among_garbage_is_found(garbage: list[bytes], piece: int) -> 
 
 
 def test_a_damaged_length_delays_no_more_than_some_scans() -> None:
-    damaged = PREAMBLE + struct.pack("<BH", SCAN, 8000)
+    damaged = PREAMBLE + struct.pack("<BH", Message.SCAN, 8000)
     assert received([b"", damaged, b""], 1000) == [0, 1, 2]

@@ -8,7 +8,7 @@ import pytest
 
 from streaming import PALM
 from taxelflow.acquire.devices.base import Arrival, Faults
-from taxelflow.acquire.devices.dsa import POLYNOMIAL, SCAN, DsaParser, cells_of
+from taxelflow.acquire.devices.dsa import POLYNOMIAL, DsaParser, Message, cells_of
 from taxelflow.acquire.devices.dsa import frame as dsa_frame
 from taxelflow.acquire.devices.frames import FrameParser, crc_table
 from taxelflow.acquire.devices.timeline import Timeline
@@ -64,7 +64,7 @@ def test_a_run_of_50_days_of_the_dsa_goes_on_without_a_gap() -> None:
     table, cells = crc_table(int(POLYNOMIAL, 16)), cells_of(PALM.layout)[1]
     for scan in range(20):
         payload = struct.pack("<IB", (2**32 - 300 + 33 * scan) % 2**32, 0) + bytes(2 * cells)
-        [(t_s, values)] = parser.feed(dsa_frame(SCAN, payload, table))
+        [(t_s, values)] = parser.feed(dsa_frame(Message.SCAN, payload, table))
         assert timeline.place(Arrival(0.033 * scan, t_s, values)) == pytest.approx(4294966.996 + 0.033 * scan)
     assert not faults.counts
     assert not timeline.gaps

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import pty
@@ -28,6 +29,7 @@ from taxelflow.errors import (
     TaxelflowError,
 )
 from taxelflow.messages import RawScans, joined
+from taxelflow.pipeline.live import workers
 from taxelflow.pipeline.live.adoptions import asked_adoptions
 from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.command import opened_sinks
@@ -230,7 +232,9 @@ def test_a_second_client_is_waited_for_if_asked(tmp_path: Path) -> None:
 def test_a_full_disk_is_reported_once_and_holds_up_no_other_sink(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("taxelflow.pipeline.live.workers._GRACE_S", 0.7)  # longer than the file goes on trying
+    monkeypatch.setattr(
+        workers, "_QUEUE", dataclasses.replace(workers._QUEUE, grace_s=0.7)
+    )  # longer than the file goes on trying
     monkeypatch.setattr(PatientFile.__init__, "__defaults__", (0.1,))
     with running("rig:stroke?speed=max", "jsonl:/dev/full", f"jsonl:{tmp_path}/a.jsonl") as reports:
         pass

@@ -8,6 +8,7 @@ import stat
 import threading
 import time
 from contextlib import suppress
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -166,7 +167,7 @@ def test_scans_for_which_a_file_has_no_room_are_dropped_and_not_published(
     monkeypatch.setattr("taxelflow.publish.sinks.patient.os.write", limited)
     monkeypatch.setattr("taxelflow.publish.sinks.patient._RETRY_S", 0.01)
     monkeypatch.setattr(PatientFile, "give_up", lambda file: setattr(file, "_deadline", 0.0))
-    monkeypatch.setattr(workers, "_GRACE_S", 0.1)
+    monkeypatch.setattr(workers, "_QUEUE", replace(workers._QUEUE, grace_s=0.1))
     with running("rig:stroke?speed=max", f"{scheme}:{tmp_path}/a.mcap") as reports:
         pass
     (worker,) = reports[0].workers
@@ -265,7 +266,7 @@ class _Taken(_Stuck):
 
 
 def test_what_waits_for_a_sink_is_written_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "_GRACE_S", 0.1)
+    monkeypatch.setattr(workers, "_QUEUE", replace(workers._QUEUE, grace_s=0.1))
     sink = _Taken()
     worker = SinkWorker("a", sink, Faults())
     worker.start()
@@ -280,7 +281,7 @@ def test_what_waits_for_a_sink_is_written_at_once(monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_named_pipe_without_a_reader_is_reported_at_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "_GRACE_S", 0.4)
+    monkeypatch.setattr(workers, "_QUEUE", replace(workers._QUEUE, grace_s=0.4))
     os.mkfifo(tmp_path / "pipe")
     with running("rig:stroke?speed=max", f"jsonl:{tmp_path}/pipe", f"jsonl:{tmp_path}/a.jsonl") as reports:
         pass

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.publish.view.camera import FOV_RAD, clearest, fitted, picture_axes
+from taxelflow.publish.view.camera import clearest, fitted, picture_axes
 from taxelflow.publish.view.lighting import as_lit, seen
+from taxelflow.publish.view.look import CAMERA
 from taxelflow.publish.view.palette import DARK, GREEN, LIGHT, VERMILION, ramp
 
 
@@ -18,7 +19,7 @@ def test_all_points_are_in_the_picture_and_fill_it(seed: int, aspect: float) -> 
     camera = fitted(points, direction, aspect)
     axes = np.stack(picture_axes(direction), axis=1)
     own = (points - camera.position) @ axes
-    tangent = np.tan(FOV_RAD / 2)
+    tangent = np.tan(CAMERA.fov_rad / 2)
     across = np.abs(own[:, :2] / -own[:, 2:]) / (tangent * np.array([aspect, 1.0]))
     assert (own[:, 2] < 0).all()
     assert 0.85 < across.max() < 1.0

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from taxelflow.publish.view.look import CAMERA
+
 pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
 
-from taxelflow.publish.view.camera import FOV_RAD, picture_axes
+from taxelflow.publish.view.camera import picture_axes
 from taxelflow.publish.view.framing import Framing
 from taxelflow.publish.view.scene import Scene
 from taxelflow.publish.view.server import PageServer
@@ -37,7 +39,7 @@ def half_width(scene: Scene, camera: Any) -> float:
     axes = picture_axes(camera.position - camera.look_at)
     scales = scene.legend.place(scene._points, axes, scene._view.wide_m)  # type: ignore[union-attr]
     seen = (np.concatenate([scene._points, scales]) - camera.position) @ np.stack(axes, axis=1)
-    return float((np.abs(seen[:, 0]) / -seen[:, 2]).max() / (np.tan(FOV_RAD / 2) * camera.aspect))
+    return float((np.abs(seen[:, 0]) / -seen[:, 2]).max() / (np.tan(CAMERA.fov_rad / 2) * camera.aspect))
 
 
 @pytest.mark.parametrize("aspect", [1.0, 0.6])

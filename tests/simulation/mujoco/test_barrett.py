@@ -15,10 +15,11 @@ from taxelflow.numerics.geometry import se3_inverse
 from taxelflow.numerics.gravity import G_M_S2
 from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.simulation.mujoco.barrett import BarrettHand
-from taxelflow.simulation.mujoco.events import LIFT_S, Happening
+from taxelflow.simulation.mujoco.events import Happening
 from taxelflow.simulation.mujoco.hands import check_objects
 from taxelflow.simulation.mujoco.objects import shape
 from taxelflow.simulation.mujoco.plant import Actuator, Held
+from taxelflow.simulation.mujoco.plants import TRIAL
 from taxelflow.simulation.mujoco.trial import Rehearsal, Trial
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def lifted(kind: str, force_n: float, until_s: float) -> tuple[BarrettHand, list
 @cache
 def gripped() -> tuple[BarrettHand, list[Truth], Floats]:
     """A jar at twice the least force, before the lift."""
-    return lifted("jar", 2 * LEAST_N, LIFT_S)
+    return lifted("jar", 2 * LEAST_N, TRIAL.lift_s)
 
 
 def parts(hand: BarrettHand, readings: Floats) -> dict[str, Floats]:

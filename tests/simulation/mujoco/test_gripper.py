@@ -11,10 +11,11 @@ from costly import mostly_long
 from taxelflow.errors import ExtraMissing, NameUnknown, ParameterInvalid
 from taxelflow.numerics.geometry import se3_of
 from taxelflow.numerics.gravity import G_M_S2
-from taxelflow.simulation.mujoco.events import EVENTS, LIFT_S, LIFTED_S, Happening, Load
+from taxelflow.simulation.mujoco.events import EVENTS, Happening, Load
 from taxelflow.simulation.mujoco.gripper import Gripper, sensor_of
 from taxelflow.simulation.mujoco.objects import OBJECTS, STANDARD_OBJECTS, shape
 from taxelflow.simulation.mujoco.plant import Actuator, Held
+from taxelflow.simulation.mujoco.plants import TRIAL
 from taxelflow.simulation.mujoco.skin import Skin
 from taxelflow.simulation.mujoco.trial import Rehearsal, Trial, drawn_in_turn
 
@@ -83,8 +84,8 @@ def test_kinetic_friction_may_be_below_static() -> None:
 @pytest.mark.parametrize("kind", mostly_long(OBJECTS, "ball", "box", "convex"))
 def test_taxels_sum_to_the_normal_force(kind: str) -> None:
     plant = gripper(kind)
-    lifted(plant, 2 * LEAST_N, until_s=LIFT_S)
-    _, truth = plant.scan(2 * LEAST_N, NO_EVENT.load(LIFT_S))
+    lifted(plant, 2 * LEAST_N, until_s=TRIAL.lift_s)
+    _, truth = plant.scan(2 * LEAST_N, NO_EVENT.load(TRIAL.lift_s))
     for side in range(2):
         pressure = plant.pressure(side, truth.normal_n[side])
         assert pressure.sum() * plant.skin.pitch_m**2 == pytest.approx(truth.normal_n[side], rel=0.02)
@@ -93,7 +94,7 @@ def test_taxels_sum_to_the_normal_force(kind: str) -> None:
 
 def test_an_object_that_sinks_moves_down_in_both_pads() -> None:
     plant = gripper("ball")
-    lifted(plant, 1.5 * LEAST_N, until_s=LIFT_S)
+    lifted(plant, 1.5 * LEAST_N, until_s=TRIAL.lift_s)
     rows = np.repeat(np.arange(16), 16)
     centres = []
     for _ in range(2):
@@ -115,7 +116,7 @@ def test_an_object_that_sinks_moves_down_in_both_pads() -> None:
 @pytest.mark.parametrize("kind", mostly_long(["ball", "rod", "bottle"], "ball"))
 def test_pads_press_as_hard_on_an_object_that_slides_fast(kind: str) -> None:
     plant = gripper(kind)
-    lifted(plant, 1.5 * LEAST_N, until_s=LIFT_S)
+    lifted(plant, 1.5 * LEAST_N, until_s=TRIAL.lift_s)
     gravity = np.array([0.0, 0.0, -G_M_S2])
     truths = [plant.scan(0.7 * LEAST_N, Load(MASS_KG, gravity, np.zeros(3)))[1] for _ in range(12)]
     assert truths[-1].speed_m_s > 0.15
@@ -128,8 +129,8 @@ def test_pads_press_as_hard_on_an_object_that_slides_fast(kind: str) -> None:
 def test_latency_delays_the_force() -> None:
     prompt, late = gripper("ball"), gripper("ball", actuator=Actuator(latency_s=0.05))
     for plant in (prompt, late):
-        lifted(plant, 2 * LEAST_N, until_s=LIFT_S)
-        plant.forces = [plant.scan(4 * LEAST_N, NO_EVENT.load(LIFT_S))[1].normal_n.mean() for _ in range(10)]  # type: ignore[attr-defined]
+        lifted(plant, 2 * LEAST_N, until_s=TRIAL.lift_s)
+        plant.forces = [plant.scan(4 * LEAST_N, NO_EVENT.load(TRIAL.lift_s))[1].normal_n.mean() for _ in range(10)]  # type: ignore[attr-defined]
     np.testing.assert_allclose(late.forces[5:], prompt.forces[:5], rtol=0.02)  # type: ignore[attr-defined]
 
 
@@ -137,9 +138,9 @@ def test_latency_delays_the_force() -> None:
 def test_the_force_follows_with_the_bandwidth(bandwidth_hz: float) -> None:
     """A lag of first order: 1 - 1 / e of a step after 1 / (2 pi f)."""
     plant = gripper("ball", actuator=Actuator(bandwidth_hz=bandwidth_hz))
-    lifted(plant, 2 * LEAST_N, until_s=LIFT_S)
+    lifted(plant, 2 * LEAST_N, until_s=TRIAL.lift_s)
     began_s = plant.t_s
-    seen = [plant.scan(3 * LEAST_N, NO_EVENT.load(LIFT_S))[1] for _ in range(20)]
+    seen = [plant.scan(3 * LEAST_N, NO_EVENT.load(TRIAL.lift_s))[1] for _ in range(20)]
     t_s = np.array([truth.t_s for truth in seen]) - began_s
     share = (np.array([truth.normal_n.mean() for truth in seen]) - 2 * LEAST_N) / LEAST_N
     np.testing.assert_allclose(share, 1.0 - np.exp(-2.0 * np.pi * bandwidth_hz * t_s), atol=0.08)
@@ -209,7 +210,7 @@ def test_random_convex_meshes_differ_and_are_grasped_and_held() -> None:
         *_, lifted_at = rehearsal.start()
         assert rehearsal.grasped
         for _ in range(60):
-            moment = rehearsal.step(2.5 * trial.least_n(LIFTED_S))
+            moment = rehearsal.step(2.5 * trial.least_n(TRIAL.lifted_s))
         assert np.linalg.norm(moment.truth.slid_m - lifted_at.truth.slid_m) < 1e-3
     assert len(meshes) == 4
 

@@ -96,7 +96,7 @@ def test_readings_end_at_the_full_scale_and_counts_of_a_converter_are_whole(
 def test_points_left_out_at_first_are_computed_where_an_object_sinks_in_deep(monkeypatch: pytest.MonkeyPatch) -> None:
     soft = Skin(stiffness_pa_m=3e6)
     here = scan("dome", 1e-3, -1e-3, 0.0, skin=soft)
-    monkeypatch.setattr(simulate, "_GAP", 1e9)
+    monkeypatch.setattr(simulate, "_SEARCH", replace(simulate._SEARCH, gap=1e9))
     np.testing.assert_allclose(here, scan("dome", 1e-3, -1e-3, 0.0, skin=soft), atol=1e-6)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import struct
 import time
 from contextlib import suppress
+from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,16 +25,26 @@ if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
-PUCKS = (11, 12, 13, 14)
-"""Numbers of the pucks on the bus, in the order of the readings."""
-READINGS, FRAMES, PER_FRAME = 24, 5, 5
-"""Readings of a puck, frames that carry them, and numbers in a frame: the last number of the last frame is padding."""
+
+class _Code(IntEnum):
+    """Numbers of the pucks' protocol."""
+
+    TACT = 106
+    """The property that is set to ask for readings."""
+    FULL = 2
+    """Its value that asks for full readings."""
+    GROUP = 9
+    """CAN group to which pucks send full readings."""
+
+
+PUCKS = range(11, 15)
+"""Numbers of the pucks on the bus, in the order of the readings: of three fingers, and of the palm."""
+FRAMES, PER_FRAME = 5, 5
+"""Frames that carry the readings of a puck, and numbers in a frame."""
+READINGS = FRAMES * PER_FRAME - 1
+"""Of a puck: the last number of the last frame is padding."""
 PER_N_CM2 = 256.0
 """Counts in a pressure of 1 N/cm2."""
-_TACT, _FULL = 106, 2
-"""The pucks' property TACT, and its value that asks for full readings."""
-_GROUP = 9
-"""CAN group to which pucks send full readings."""
 _RATE = 40.0
 """Default scans/s."""
 CAN_FRAME = struct.Struct(">H8s")
@@ -48,18 +59,18 @@ def frames_of(puck: int, readings: Floats) -> bytes:
         word = sequence
         for number in numbers:
             word = word << 12 | number
-        frames.append(CAN_FRAME.pack(0x400 | puck << 5 | _GROUP, word.to_bytes(8, "big")))
+        frames.append(CAN_FRAME.pack(0x400 | puck << 5 | _Code.GROUP, word.to_bytes(8, "big")))
     return b"".join(frames)
 
 
 def ask(puck: int) -> tuple[int, bytes]:
     """Identifier and bytes of the message that asks a puck for full readings."""
-    return puck, struct.pack("<BBi", 0x80 | _TACT, 0, _FULL)
+    return puck, struct.pack("<BBi", 0x80 | _Code.TACT, 0, _Code.FULL)
 
 
 def _puck_of(identifier: int) -> int:
     """The puck whose readings a frame carries; 0 for another frame."""
-    return identifier >> 5 & 0x1F if identifier & 0x41F == 0x400 | _GROUP else 0
+    return identifier >> 5 & 0x1F if identifier & 0x41F == 0x400 | _Code.GROUP else 0
 
 
 class BarrettParser:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from contextlib import suppress
+from enum import IntEnum, IntFlag
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,14 +28,27 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 PREAMBLE = b"\xaa\xaa\xaa"
-SCAN, ACQUIRE = 0x00, 0x03
-"""Identifiers of the controller's messages: a scan, and the request for scans."""
-RUN_LENGTHS = 0x01
-"""Flag: the readings are run-length encoded."""
-_ACQUIRES = 0x80
-"""Flag: scans are sent continuously."""
-_SCAN_HEAD = 5
-"""Bytes of a scan before its readings: time and flags."""
+
+
+class Message(IntEnum):
+    """Identifiers of the controller's messages."""
+
+    SCAN = 0x00
+    ACQUIRE = 0x03
+    """The request for scans."""
+
+
+class Flag(IntFlag):
+    """Flags of a scan, and of the request for scans."""
+
+    RUN_LENGTHS = 0x01
+    """The readings are run-length encoded."""
+    CONTINUOUS = 0x80
+    """Scans are sent one after the other."""
+
+
+SCAN_HEAD = struct.Struct("<IB")
+"""What a scan begins with: the time in ms, and flags."""
 _LONGEST_REPLY = 256
 """Bytes at most of a message that is no scan."""
 POLYNOMIAL = "8408"
@@ -78,7 +92,7 @@ class DsaParser:
     def __init__(self, layout: Layout, faults: Faults, polynomial: int) -> None:
         self._taxel_cells, self._cells = cells_of(layout)
         self._faults, self._table = faults, crc_table(polynomial)
-        self._longest = max(_SCAN_HEAD + 2 * self._cells, _LONGEST_REPLY)  # scans that follow would wait for more
+        self._longest = max(SCAN_HEAD.size + 2 * self._cells, _LONGEST_REPLY)  # scans that follow would wait for more
         self._clock = WrappingClock(_CLOCK_MS)
         self.restart()
 
@@ -97,7 +111,7 @@ class DsaParser:
         scans: list[tuple[float | None, Floats]] = []
         while (found := self._next()) is not None:
             number, payload = found
-            if number != SCAN:
+            if number != Message.SCAN:
                 continue
             scan = self._scan(payload)
             if scan is None:
@@ -135,11 +149,11 @@ class DsaParser:
             return number, payload
 
     def _scan(self, payload: bytes) -> tuple[float, Floats] | None:
-        if len(payload) < _SCAN_HEAD or len(payload) % 2 == 0:
+        if len(payload) < SCAN_HEAD.size or len(payload) % 2 == 0:
             return None
-        t_ms, flags = struct.unpack_from("<IB", payload)
-        words = np.frombuffer(payload, "<u2", offset=_SCAN_HEAD)
-        if flags & RUN_LENGTHS:
+        t_ms, flags = SCAN_HEAD.unpack_from(payload)
+        words = np.frombuffer(payload, "<u2", offset=SCAN_HEAD.size)
+        if flags & Flag.RUN_LENGTHS:
             words = np.repeat(words & 0xFFF, words >> 12)
         if len(words) != self._cells:
             return None
@@ -166,8 +180,8 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     device = address.need_path("dsa:/dev/ttyUSB0")
     sensor, faults = sensor or load_sensor("schunk-sdh2"), Faults()
     polynomial = polynomial_of(address)
-    payload = struct.pack("<BH", _ACQUIRES | RUN_LENGTHS, round(address.number("rate", _RATE, 1, _MOST)))
-    line = _DsaLine(device, frame(ACQUIRE, payload, crc_table(polynomial)))
+    payload = struct.pack("<BH", Flag.CONTINUOUS | Flag.RUN_LENGTHS, round(address.number("rate", _RATE, 1, _MOST)))
+    line = _DsaLine(device, frame(Message.ACQUIRE, payload, crc_table(polynomial)))
     return ByteSource(address, sensor, line, DsaParser(sensor.layout, faults, polynomial), faults)
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 PORT, FIRST, BYTES = 6000, 3000, 2
 """Modbus: default port, first register of the readings, and step of the addresses per reading."""
-PADS = (*4 * (9, 96, 80), 9, 96, 9, 96, 112)
+PADS = 4 * (9, 96, 80) + 2 * (9, 96) + (112,)
 """Readings of each pad: tip, top and palm of four fingers; tip, top, middle and palm of the thumb; the palm. Modbus
 gives up to 125 in one answer.
 """

@@ -40,12 +40,21 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _REMEDY = "give a ROS 1 bag (.bag), a ROS 2 bag (its directory, or a .db3 of it) or an .mcap file"
-_PROBED = 256
-"""Messages from which the clock is chosen."""
-_RATE_MESSAGES = 10
-"""Messages from which the rate of the stamps is compared with that of the receipt times."""
-_RATE_FACTOR = 2.0
-"""Largest factor between the two: receipt is delayed, but a clock in another unit is off by 1000."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Clock:
+    """How the clock of a bag is chosen."""
+
+    probed: int = 256
+    """Messages from which the clock is chosen."""
+    rate_messages: int = 10
+    """Messages from which the rate of the stamps is compared with that of the receipt times."""
+    rate_factor: float = 2.0
+    """Largest factor between the two: receipt is delayed, but a clock in another unit is off by 1000."""
+
+
+_CLOCK = _Clock()
 
 
 def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Recording:
@@ -97,7 +106,7 @@ def _probe(
     first: list[Floats] = []
     named: tuple[str, ...] = ()
     try:
-        for received_ns, content in islice(source.messages(topic), _PROBED):
+        for received_ns, content in islice(source.messages(topic), _CLOCK.probed):
             stamp, parts = _decoded(path, len(stamps), decoder, content)
             first, named = first or parts, named or decoder.part_names(content)
             received_s.append(received_ns * 1e-9)
@@ -146,8 +155,8 @@ def _stamp_error(stamps_s: Floats, received_s: Floats) -> str:
     if (steps < 0).any():
         return "stamps of messages decrease"
     span_s, receipt_s = stamps_s[-1] - stamps_s[0], received_s[-1] - received_s[0]
-    known = len(stamps_s) >= _RATE_MESSAGES and receipt_s > 0
-    if known and not 1 / _RATE_FACTOR < span_s / receipt_s < _RATE_FACTOR:
+    known = len(stamps_s) >= _CLOCK.rate_messages and receipt_s > 0
+    if known and not 1 / _CLOCK.rate_factor < span_s / receipt_s < _CLOCK.rate_factor:
         return f"stamps of messages advance {span_s / receipt_s:.3g} times as fast as the receipt times"
     return ""
 

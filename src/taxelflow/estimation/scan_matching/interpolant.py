@@ -22,14 +22,21 @@ from taxelflow.runtime.compiling import routine
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_SMOOTHING = 1e-6
-"""Weight of squared second differences, over that of a reading."""
-_PRIOR = 2.5e-7
-"""Weight that keeps coefficients far from any taxel near 0, over that of a reading."""
-_MARGIN_KNOTS = 3
-"""Knots beyond the outermost taxels: a step may lead so far off the pad."""
-_FARTHEST = 0.75
-"""A knot farther than this from every live taxel, in pitches, is not observed."""
+
+class _Spline(NamedTuple):
+    """The surface through the taxels of a scan."""
+
+    smoothing: float = 1e-6
+    """Weight of squared second differences, over that of a reading."""
+    prior: float = 2.5e-7
+    """Weight that keeps coefficients far from any taxel near 0, over that of a reading."""
+    margin: int = 3
+    """Knots beyond the outermost taxels: a step may lead so far off the pad."""
+    farthest: float = 0.75
+    """A knot farther than this from every live taxel, in pitches, is not observed."""
+
+
+_SPLINE = _Spline()
 VALUE_NOISE, SLOPE_NOISE = 0.764, 2.163
 """Variance of a cubic spline through readings on a grid, and of its slope per pitch, over theirs (means)."""
 
@@ -61,15 +68,15 @@ class Interpolant(NamedTuple):
         """
         live = variance > 0
         low, high = places.min(axis=1), places.max(axis=1)
-        if np.prod(high - low + 2 * _MARGIN_KNOTS + 1) > MOST_KNOTS:
+        if np.prod(high - low + 2 * _SPLINE.margin + 1) > MOST_KNOTS:
             size = " x ".join(f"{side:.0f}" for side in high - low)
             duty = f"cover at most {MOST_KNOTS} square pitches: leave this group out"
             raise ParameterInvalid(f"extent of {name}", f"{size} pitches", duty)
         usual = float(np.median(variance[live])) if live.any() else 1.0
         relative = variance / usual
         trust = np.divide(1.0, relative, out=np.zeros_like(relative), where=live)
-        lattice = np.array([1.0, *(low - _MARGIN_KNOTS)])
-        nx, ny = (np.ceil(high - low).astype(int) + 2 * _MARGIN_KNOTS + 1).tolist()
+        lattice = np.array([1.0, *(low - _SPLINE.margin)])
+        nx, ny = (np.ceil(high - low).astype(int) + 2 * _SPLINE.margin + 1).tolist()
         first, weight = np.empty(len(variance), np.int64), np.empty((len(variance), KNOTS))
         still = np.array([0.0, 0.0, 0.0, 1.0, 0.0])
         spread((ny, nx), lattice, places, still, np.zeros((3, 0)), first, weight)
@@ -93,8 +100,8 @@ def _factor(shape: tuple[int, int], first: NDArray[np.int64], weight: Floats, tr
     stencil, nothing = np.zeros((knots, WIDTH, 2 * WIDTH - 1)), np.zeros(knots)
     for taxel in np.flatnonzero(trust > 0):
         add_square(first[taxel], weight[taxel], trust[taxel], 0.0, shape[1], stencil, nothing)
-    stencil += _SMOOTHING * smoothness(shape)
-    add_diagonal(stencil, _PRIOR)
+    stencil += _SPLINE.smoothing * smoothness(shape)
+    add_diagonal(stencil, _SPLINE.prior)
     return lower_factor(stencil, shape)
 
 
@@ -105,7 +112,7 @@ def _nearest_live(lattice: Floats, shape: tuple[int, int], places: Floats, live:
     nearest = np.full(ny * nx, -1)
     column, row = np.meshgrid(left + h * np.arange(nx), low + h * np.arange(ny))
     knots = np.stack([column.ravel(), row.ravel()])
-    closest = np.full(ny * nx, _FARTHEST)
+    closest = np.full(ny * nx, _SPLINE.farthest)
     for taxel in np.flatnonzero(live):
         away = np.hypot(*(knots - places[:, taxel, np.newaxis]))
         near = away < closest

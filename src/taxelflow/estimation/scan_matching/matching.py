@@ -13,6 +13,7 @@ import numpy as np
 from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE
 from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, Prior, register
 from taxelflow.estimation.template.linearization import pack_scan
+from taxelflow.estimation.template.map import MARGIN
 from taxelflow.estimation.template.map import Surface as Known
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.bspline import STATE, State, evaluate, put, state_of
@@ -30,8 +31,6 @@ DOF = STATE - 1
 _ITERATIONS = np.int64(20)  # numba compiles `register` again for each constant of Python
 _LOOSE_TURN, _LOOSE_GAIN = 1.0, 1e-2
 """Prior information on no turn, 1 / rad^2, and on no change of the gain: enough to hold what nothing determines."""
-_BOX = 1.5
-"""Taxels within this many pitches of the loaded ones take part."""
 _MODEL_ERROR = 0.05
 """A scan fits if its residuals are explained by noise and by an error of the surface of this share."""
 
@@ -96,7 +95,7 @@ def surroundings(
     chosen, count = np.empty(len(now), np.int64), 0
     for i in range(len(now)):
         x, y = places[0, i], places[1, i]
-        if variance[i] > 0.0 and low_x - _BOX <= x <= high_x + _BOX and low_y - _BOX <= y <= high_y + _BOX:
+        if variance[i] > 0.0 and low_x - MARGIN <= x <= high_x + MARGIN and low_y - MARGIN <= y <= high_y + MARGIN:
             chosen[count] = i
             count += 1
     return chosen[:count]

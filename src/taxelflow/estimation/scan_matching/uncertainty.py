@@ -11,6 +11,7 @@ import numpy as np
 
 from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, Interpolant
 from taxelflow.estimation.scan_matching.matching import DOF, Fit, Points
+from taxelflow.estimation.template.levenberg_marquardt import FREE
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import solve_band
 from taxelflow.numerics.bspline import gather, spread, state_of
@@ -18,8 +19,6 @@ from taxelflow.numerics.rounding import BLURRED
 from taxelflow.numerics.small_linalg import eigenvalues2, solve_small
 from taxelflow.runtime.compiling import inlined, routine
 
-_REGULARIZATION = 1e-6
-"""Added to the diagonal of H, so that it has an inverse where nothing determines a state."""
 _LEAST_SHARE = 0.5
 """Noise is held responsible for at most this share of the information."""
 _MOST_HIDDEN = 0.9
@@ -51,7 +50,7 @@ def gains(fit: Fit, turns: bool, out: Floats) -> None:
             h[a, b] *= shrink[a] * shrink[b]
             if not turns and a != b and 2 in (a, b):  # the turn
                 h[a, b] = 0.0
-        h[a, a] += _REGULARIZATION
+        h[a, a] += FREE  # it has an inverse where nothing determines a state
     columns = np.zeros((DOF, DOF))  # of the inverse
     for a in range(DOF):
         columns[a, a] = 1.0

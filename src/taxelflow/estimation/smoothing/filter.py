@@ -21,10 +21,19 @@ STATES = 6
 """Components of a state: x, y, theta and their rates."""
 State: TypeAlias = Annotated[Floats, 6]
 Matrix: TypeAlias = Annotated[Floats, 6, 6]
-_VELOCITY_STD, _SPIN_STD = 1.0, 100.0
-"""Standard deviations of a velocity at a track's start, m/s and rad/s: above what a hand can do."""
-_UNKNOWN_TURN_STD = 10.0
-"""Standard deviation of an unknown turn at a track's start, rad: more than a full turn."""
+
+
+class _Start(NamedTuple):
+    """What is known where a track starts."""
+
+    velocity_std: float = 1.0
+    spin_std: float = 100.0
+    """Standard deviations of a velocity at a track's start, m/s and rad/s: above what a hand can do."""
+    turn_std: float = 10.0
+    """Standard deviation of an unknown turn at a track's start, rad: more than a full turn."""
+
+
+_START = _Start()
 
 
 class Memory:
@@ -193,13 +202,13 @@ def begin(pose: Floats, noise: Floats, state: Floats, covariance: Floats) -> Non
             covariance[i, j] = 0.0
     known = 2 if np.isnan(pose[2]) else 3
     for a in range(3):
-        covariance[a + 3, a + 3] = _VELOCITY_STD**2 if a < 2 else _SPIN_STD**2
+        covariance[a + 3, a + 3] = _START.velocity_std**2 if a < 2 else _START.spin_std**2
     for a in range(known):
         state[a] = pose[a]
         for b in range(known):
             covariance[a, b] = noise[a, b]
     if known < 3:
-        covariance[2, 2] = _UNKNOWN_TURN_STD**2
+        covariance[2, 2] = _START.turn_std**2
 
 
 @routine

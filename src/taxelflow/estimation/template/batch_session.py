@@ -28,14 +28,22 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.sensors.layout import Layout
 
-_OVERLAP = 4
-"""A window shares one part in this many with the one before."""
-_MOST_BYTES = 2e8
-"""Memory that solving a contact may take; a longer contact is solved in windows."""
-_BYTES_PER_READING = 250
-"""Memory for solving a contact, per reading."""
-_FEWEST = 100
-"""Scans of a window, at least."""
+
+@dataclass(frozen=True, slots=True)
+class _Windows:
+    """How a long contact is solved."""
+
+    overlap: int = 4
+    """A window shares one part in this many with the one before."""
+    most_bytes: float = 2e8
+    """Memory that solving a contact may take; a longer contact is solved in windows."""
+    bytes_per_reading: int = 250
+    """Memory for solving a contact, per reading."""
+    fewest_scans: int = 100
+    """Scans of a window, at least."""
+
+
+_WINDOWS = _Windows()
 
 
 @dataclass(slots=True, eq=False)
@@ -118,7 +126,9 @@ class BatchSession:
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         largest = int(np.diff(layout.starts).max())
         self._delay, self._lead = delays_of(layout)
-        self._window = int(min(window_scans, max(_FEWEST, _MOST_BYTES / (_BYTES_PER_READING * largest))))
+        self._window = int(
+            min(window_scans, max(_WINDOWS.fewest_scans, _WINDOWS.most_bytes / (_WINDOWS.bytes_per_reading * largest)))
+        )
         compile_batch()
         self._held: list[Scans] = []
         self._first = self._out = self._seen = 0  # of the scans: first held, first not given out, first not seen
@@ -164,7 +174,7 @@ class BatchSession:
                 self._open[pad] = _Open(number)
             elif number + 1 - going_on.start == self._window:
                 poses = self._solve(pad, going_on, number + 1)
-                shared = self._window // _OVERLAP
+                shared = self._window // _WINDOWS.overlap
                 self._open[pad] = _Open(number + 1 - shared, poses.tail(shared))
 
     def _solve(self, pad: int, contact: _Open, stop: int) -> Poses:

@@ -7,6 +7,7 @@ by their information. The quality of such a scan does not change.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,10 +21,19 @@ from taxelflow.numerics.spans import spans
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
-_BRIEF = 5
-"""Scans in a row; in a longer run the speeds around it bound nothing."""
-_FASTEST, _MARGIN = 0.95, 2.0
-"""The standard deviation of the speed in such a run: this quantile of the other speeds, times this factor."""
+
+@dataclass(frozen=True, slots=True)
+class _Gap:
+    """A brief run of scans without a pose."""
+
+    scans: int = 5
+    """Scans in a row; in a longer run the speeds around it bound nothing."""
+    quantile: float = 0.95
+    margin: float = 2.0
+    """The standard deviation of the speed in such a run: this quantile of the other speeds, times this factor."""
+
+
+_GAP = _Gap()
 _FORMED = 0.5
 """Share of the median load above which a contact is complete: the highest points of an object touch first."""
 
@@ -50,7 +60,7 @@ def bridged(poses: Poses, t_s: Floats) -> Poses:
         return poses
     free = np.isfinite(poses.pose[known]).all(axis=0)
     step = np.abs(np.diff(poses.pose[known][:, free], axis=0)) / np.diff(t_s[known])[:, np.newaxis]
-    rate = _MARGIN * np.quantile(step, _FASTEST, axis=0)
+    rate = _GAP.margin * np.quantile(step, _GAP.quantile, axis=0)
     pose, covariance = poses.pose.copy(), poses.covariance.copy()
     box, count = np.ix_(free, free), int(free.sum())
     for k in np.flatnonzero(_in_short_runs(poses.quality != OK)).tolist():
@@ -84,8 +94,8 @@ def _information_form(pose: Floats, covariance: Floats) -> tuple[Floats, Floats]
 
 
 def _in_short_runs(unknown: Bools) -> Bools:
-    """(scans,), which of the unknown scans lie in runs of at most `_BRIEF`."""
+    """(scans,), which of the unknown scans lie in runs of at most `_GAP.scans`."""
     brief = np.zeros_like(unknown)
     for start, stop in spans(unknown):
-        brief[start:stop] = stop - start <= _BRIEF
+        brief[start:stop] = stop - start <= _GAP.scans
     return brief

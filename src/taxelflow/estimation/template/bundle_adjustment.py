@@ -28,12 +28,21 @@ _MOST_STEP = np.array([1.0, 1.0, 0.15, 0.2, 0.05])
 """Largest step of a state in one round; the first two in knots."""
 _SETTLED = 0.05
 """Steps of a pose, in its standard deviations, below which the fit has converged."""
-_MOST_SMOOTHING_STEP = 5.0
-"""Largest factor by which the smoothing changes in a round."""
-_MOST_SMOOTHING = 1e3
-"""Largest smoothing, over that a priori."""
-_SMOOTH_ERROR = 0.02
-"""Error, as a share of the largest reading, above which a pattern is at least as smooth as a priori."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Smoothing:
+    """How the smoothing of a map is learned."""
+
+    most_step: float = 5.0
+    """Largest factor by which the smoothing changes in a round."""
+    most: float = 1e3
+    """Largest smoothing, over that a priori."""
+    error: float = 0.02
+    """Error, as a share of the largest reading, above which a pattern is at least as smooth as a priori."""
+
+
+_SMOOTHING = _Smoothing()
 _MOST_CG, _CG_ERROR = 60, 1e-2
 """Iterations of conjugate gradients at most, and their relative residual: rounds repeat the solution."""
 _GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
@@ -241,10 +250,10 @@ def _learn_smoothing(pattern: Pattern, bending: float, error: float) -> None:
     At least the usual where the error is large, for the pattern must not explain what poses do not; less as it shrinks.
     """
     wanted = 0.5 * pattern.coefficients.size / max(bending, 1e-300)
-    low, high = pattern.smoothing / _MOST_SMOOTHING_STEP, pattern.smoothing * _MOST_SMOOTHING_STEP
+    low, high = pattern.smoothing / _SMOOTHING.most_step, pattern.smoothing * _SMOOTHING.most_step
     usual = pattern.usual_smoothing
-    least = usual * min(error / _SMOOTH_ERROR, 1.0) ** 2
-    pattern.smoothing = float(np.clip(np.clip(wanted, low, high), least, usual * _MOST_SMOOTHING))
+    least = usual * min(error / _SMOOTHING.error, 1.0) ** 2
+    pattern.smoothing = float(np.clip(np.clip(wanted, low, high), least, usual * _SMOOTHING.most))
 
 
 def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Floats]:

@@ -35,11 +35,19 @@ HALF_TAXEL = 0.5
 """Half the side of a taxel, in pitches."""
 _LEVEL = 0.004
 """Rise over half a taxel, as a share of the largest reading, below which the height is level along an axis."""
-_ROUND = 0.06
-"""For the initial heights of a fit: pressure, as a share of the largest reading, up to which a taxel counts as touched
-in part."""
-_LEAST = 1e-3
-"""Lower limit of the pressure in that conversion, as a share of the largest reading."""
+
+
+class _Initial(NamedTuple):
+    """Heights that a fit begins with."""
+
+    touched: float = 0.06
+    """For the initial heights of a fit: pressure, as a share of the largest reading, up to which a taxel counts as
+    touched in part."""
+    least: float = 1e-3
+    """Lower limit of the pressure in that conversion, as a share of the largest reading."""
+
+
+_INITIAL = _Initial()
 _AT_KNOT, _SLOPE_AT_KNOT = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([-0.5, 0.0, 0.5])
 """A cubic B-spline's value and slope at a knot, from the coefficients around it."""
 
@@ -120,8 +128,8 @@ def add_tilt(
 
 def as_heights(pattern: Pattern) -> Pattern:
     """The initial pattern of heights of a fit, from one of pressure."""
-    part = _ROUND * pattern.amplitude
-    q = np.maximum(pattern.coefficients, _LEAST * pattern.amplitude)
+    part = _INITIAL.touched * pattern.amplitude
+    q = np.maximum(pattern.coefficients, _INITIAL.least * pattern.amplitude)
     return replace(pattern, coefficients=q + part * np.log(-np.expm1(-q / part)))
 
 

@@ -9,7 +9,7 @@ else fitted again, gains of the taxels included. If hardly more is left, the rea
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -32,30 +32,58 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
 
-_CHANGED = 2.0
-"""Pitches by which the motion is changed: what one taxel reads, its neighbours must read, too."""
-_SCALED, _SHORTEST = (0.0, 0.5, 1.5), 0.5
-"""Factors of the motion, if its range exceeds this many pitches: the curvature of a dome's map depends on its path."""
-_TIMES = 1.2
-"""Times the error that the motion leaves as it is, which another leaves at least."""
-_FAULTS = 0.2
-"""What faults of taxels beside their gains leave of the largest reading, as a share of `unseen_error`."""
-_GAIN, _MOST_GAIN = 4.0, 0.5
-"""Largest error of a gain, times `unseen_error`, and at all."""
+
+class _Other(NamedTuple):
+    """Another motion that the readings are fitted with."""
+
+    changed: float = 2.0
+    """Pitches by which the motion is changed: what one taxel reads, its neighbours must read, too."""
+    scaled: tuple[float, float, float] = (0.0, 0.5, 1.5)
+    shortest: float = 0.5
+    """Factors of the motion, if its range exceeds this many pitches: the curvature of a dome's map depends on its
+    path."""
+    times: float = 1.2
+    """Times the error that the motion leaves as it is, which another leaves at least."""
+    faults: float = 0.2
+    """What faults of taxels beside their gains leave of the largest reading, as a share of `unseen_error`."""
+
+
+_OTHER = _Other()
+
+
+class _Fits(NamedTuple):
+    """Fits with a motion that is held."""
+
+    gain: float = 4.0
+    most_gain: float = 0.5
+    """Largest error of a gain, times `unseen_error`, and at all."""
+    fewest: int = 4
+    converged: float = 0.97
+    """Fits at least, and the ratio of the errors of two fits from which more of them lower it no further."""
+
+
+_FITTED = _Fits()
 _ROUNDS = 3, *(2,) * 11
 """Rounds of fits at most; gains are estimated after each but the first."""
-_FITS, _CONVERGED = 4, 0.97
-"""Fits at least, and the ratio of the errors of two fits from which more of them lower it no further."""
-_FEWEST, _READINGS = 16, 2000
-"""Scans, and readings in them, that the smoothing of a map does not outweigh: fewer are repeated."""
+
+
+class _Part(NamedTuple):
+    """What is fitted: scans, and the part of a pad."""
+
+    fewest: int = 16
+    readings: int = 2000
+    """Scans, and readings in them, that the smoothing of a map does not outweigh: fewer are repeated."""
+    most: int = 24
+    window: float = 8.0
+    """Pitches from the middle to the sides of the square of a large pad that is tested. A fit's time grows with the
+    fourth power of the width."""
+
+
+_PART = _Part()
 _SHOWN = 2.0
 """Times what faults of the taxels make of a map's slopes."""
 _SAME = 0.87
 """Cosine of directions that are tested as one."""
-_MOST_SCANS = 24
-_WINDOW = 8.0
-"""Pitches from the middle to the sides of the square of a large pad that is tested. A fit's time grows with the fourth
-power of the width."""
 
 
 def hidden_direction(scanned: Scanned, solved: Solved) -> Floats:
@@ -128,8 +156,8 @@ def _evaluated(scanned: Scanned, solved: Solved) -> tuple[Floats, Floats]:
 
 
 def _spread(count: int) -> NDArray[np.int64]:
-    """Numbers of at most `_MOST_SCANS` of `count` scans, evenly spread."""
-    return np.unique(np.linspace(0, count - 1, min(count, _MOST_SCANS)).round().astype(np.int64))
+    """Numbers of at most `_PART.most` of `count` scans, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, min(count, _PART.most)).round().astype(np.int64))
 
 
 def _is_determined(scanned: Scanned, solved: Solved, direction: Floats) -> bool:
@@ -141,10 +169,12 @@ def _is_determined(scanned: Scanned, solved: Solved, direction: Floats) -> bool:
     if 2 * np.count_nonzero(part) < len(part):
         scans = scans.on(part)
     left = min(_left_along(scans, own, direction, at, start) for start in _starts(own))
-    ramp, middle = _CHANGED * np.linspace(-0.5, 0.5, len(scans)), at.mean()
-    changed = [(other, max(_TIMES * left, _FAULTS * scans.unseen_error)) for other in (at + ramp, at - ramp)]
-    if np.ptp(at) > _SHORTEST:
-        changed += [(middle + factor * (at - middle), _TIMES * left) for factor in _SCALED]
+    ramp, middle = _OTHER.changed * np.linspace(-0.5, 0.5, len(scans)), at.mean()
+    changed = [
+        (other, max(_OTHER.times * left, _OTHER.faults * scans.unseen_error)) for other in (at + ramp, at - ramp)
+    ]
+    if np.ptp(at) > _OTHER.shortest:
+        changed += [(middle + factor * (at - middle), _OTHER.times * left) for factor in _OTHER.scaled]
     return all(
         _left_along(scans, own, direction, other, start, most=most) > most
         for other, most in changed
@@ -156,8 +186,8 @@ def _most_textured(scanned: Scanned, solved: Solved, direction: Floats) -> Bools
     """(taxels,), those of the square in which the map's slopes along a direction are largest."""
     _, slopes = _evaluated(scanned, solved)
     squared = np.sum((slopes @ direction) ** 2, axis=0)
-    middles = _WINDOW * np.unique((scanned.places / _WINDOW).round(), axis=1)
-    within = np.abs(scanned.places[:, :, np.newaxis] - middles[:, np.newaxis]).max(axis=0) <= _WINDOW
+    middles = _PART.window * np.unique((scanned.places / _PART.window).round(), axis=1)
+    within = np.abs(scanned.places[:, :, np.newaxis] - middles[:, np.newaxis]).max(axis=0) <= _PART.window
     most: Bools = within[:, np.argmax(squared @ within)]
     return most
 
@@ -170,7 +200,7 @@ def _starts(solved: Solved) -> tuple[float, float]:
 def _repeated(scanned: Scanned, states: Floats) -> tuple[Scanned, Floats]:
     """Scans and their states (scans, 5), each as often, one after the other, as makes them enough."""
     count, taxels = scanned.readings.shape
-    times = -(-max(_FEWEST, -(-_READINGS // taxels)) // count)
+    times = -(-max(_PART.fewest, -(-_PART.readings // taxels)) // count)
     if times <= 1:
         return scanned, states
     which = np.repeat(np.arange(count), times)
@@ -196,7 +226,7 @@ def _left_along(
     fill(pattern, along.with_error(error), states)
     precision = along.precision(turns=solved.turns, gain_std=solved.gain_std, size=SIZE_STD**-2)
     precision[0] = np.inf
-    off, gains = min(_GAIN * scanned.unseen_error, _MOST_GAIN), np.ones(scanned.readings.shape[1])
+    off, gains = min(_FITTED.gain * scanned.unseen_error, _FITTED.most_gain), np.ones(scanned.readings.shape[1])
     now = along
     for k, rounds in enumerate(_ROUNDS):
         before = error
@@ -205,7 +235,7 @@ def _left_along(
         if error <= most or (k == 0 and error - off * _rms(along) > most > 0.0):
             break
         at_last = error - (before - error) * (len(_ROUNDS) - 1 - k)  # at the present pace, which slows down
-        if k + 1 >= _FITS and (error > _CONVERGED * before or at_last > most > 0.0):
+        if k + 1 >= _FITTED.fewest and (error > _FITTED.converged * before or at_last > most > 0.0):
             break
         if k > 0:
             gains = np.clip(gains * _gains(now, fit), 1.0 - off, 1.0 + off)

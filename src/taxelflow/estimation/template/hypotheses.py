@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from operator import add
 from typing import TYPE_CHECKING
 
@@ -41,10 +41,20 @@ _FIRST_ROUNDS, _ROUNDS = 4, (3, 3)
 """Rounds of a coarse fit, and of each fit of a refinement. More rounds fit errors of real skins, not the object."""
 _LOADED_SHARE = 0.5
 """The first scan fitted has at least this share of the largest load."""
-_WELL_KNOWN, _SPREAD = 0.6, (0.05, 0.95)
-"""Quantiles: gains with a variance below the first are used; their spread is the distance of the other two."""
-_LEAST_GAIN = 0.05
-"""Lower limit of the mean gain by which all are divided."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Gains:
+    """Gains of a contact."""
+
+    well_known: float = 0.6
+    spread: tuple[float, float] = (0.05, 0.95)
+    """Quantiles: gains with a variance below the first are used; their spread is the distance of the other two."""
+    least: float = 0.05
+    """Lower limit of the mean gain by which all are divided."""
+
+
+_GAINS = _Gains()
 ENOUGH_SCANS = 8
 """Scans from which the spread of the gains is learned."""
 _MAY_BE_STRAIGHT = 2.0 * COARSE
@@ -270,9 +280,9 @@ def normalize_gains(solved: Solved) -> float:
     Both are taken from the scans that determine their gain best.
     """
     variance, gains = diagonals_of(solved.fit.covariance).gain, states_of(solved.states).gain
-    well = variance <= np.quantile(variance, _WELL_KNOWN)
-    mean = max(float(np.median(gains[well])), _LEAST_GAIN)
-    low, high = np.quantile(gains[well], _SPREAD)
+    well = variance <= np.quantile(variance, _GAINS.well_known)
+    mean = max(float(np.median(gains[well])), _GAINS.least)
+    low, high = np.quantile(gains[well], _GAINS.spread)
     spread = float(high - low) / 3.29  # of a normal distribution; a load that changes for a short time counts, too
     gains /= mean
     solved.depth *= mean

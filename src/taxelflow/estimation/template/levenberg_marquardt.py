@@ -26,8 +26,18 @@ ROOM = STATE + 4
 """Rows of five numbers that a registration needs as workspace: a matrix and four vectors."""
 _LEAST_GAIN = 0.1
 """Least ratio of the gain after a step to that before."""
-_FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e4
-"""Damping, relative to the diagonal: at first, at least, and the one at which iterations end."""
+
+
+class _Damping(NamedTuple):
+    """Of the iterations."""
+
+    first: float = 1e-4
+    least: float = 1e-7
+    most: float = 1e4
+    """Damping, relative to the diagonal: at first, at least, and the one at which iterations end."""
+
+
+_DAMPING = _Damping()
 
 
 class Prior(NamedTuple):
@@ -70,7 +80,7 @@ def refine_state(
 ) -> tuple[float, float, int]:
     """`register`, with room (`ROOM`, 5) to work in."""
     _hold(prior, state)
-    damping, best, best_chi, count = _FIRST_DAMPING, np.inf, 0.0, 0
+    damping, best, best_chi, count = _DAMPING.first, np.inf, 0.0, 0
     normal, right, best_right, step, kept = room[:STATE], room[5], room[6], room[7], room[8]
     for a in range(STATE):
         kept[a] = state[a]
@@ -83,12 +93,12 @@ def refine_state(
             for a in range(STATE):
                 kept[a], best_right[a] = state[a], right[a]
             copy_lower(normal, information)
-            damping = max(damping * 0.2, _LEAST_DAMPING)
+            damping = max(damping * 0.2, _DAMPING.least)
             if gained < _ENOUGH:
                 break
         else:
             damping = max(damping * 20.0, 1e-3)
-            if damping > _MOST_DAMPING:
+            if damping > _DAMPING.most:
                 break
         factor = factor5(information, damping, 1e-12)
         if not factor.positive:

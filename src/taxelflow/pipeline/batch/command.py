@@ -15,7 +15,7 @@ from taxelflow.acquire.options import Source
 from taxelflow.errors import ParameterInvalid
 from taxelflow.pipeline.batch.options import Estimating
 from taxelflow.runtime.addresses import MOST_PORT
-from taxelflow.runtime.exit_codes import INTERRUPTED, PARTLY_DONE
+from taxelflow.runtime.exit_codes import ExitCode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,12 +71,12 @@ class Batch(Source, Estimating):
                 )
         except KeyboardInterrupt:
             print("taxelflow: interrupted; what is finished is kept: run the same command again", file=sys.stderr)
-            return INTERRUPTED
+            return ExitCode.INTERRUPTED
         for line in report.lines():
             print(line)
         for line in report.complaints():
             print(f"taxelflow: {line}", file=sys.stderr)
-        return PARTLY_DONE if report.failed else 0
+        return ExitCode.PARTLY_DONE if report.failed else 0
 
 
 def _check_port(scheduler: str) -> None:

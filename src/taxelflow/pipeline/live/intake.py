@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.acquire.devices.base import POLL_S
 from taxelflow.acquire.devices.timeline import Timeline
 from taxelflow.messages import RawScans
 from taxelflow.pipeline.live.workers import Raw
@@ -22,8 +23,6 @@ _MOST_WAITING = 4096
 """Scans that may wait for the estimate; then a patient source waits, and of another one the oldest are dropped."""
 _MOST_TAKEN = 16
 """Scans that are estimated in one step, at most, before sinks are woken: threads that wake delay the estimate."""
-_WAIT_S = 0.1
-"""Longest time that a thread waits before it looks again whether the run has ended."""
 
 
 class Placed:
@@ -89,7 +88,7 @@ class Intake(threading.Thread):
         """Scans that have arrived, none after a while; None when there will be no more."""
         with self._come:
             if not self._waiting and not self._done:
-                self._come.wait(_WAIT_S)
+                self._come.wait(POLL_S)
             if not self._waiting:
                 return None if self._done else []
             taken = [self._waiting.popleft() for _ in range(min(len(self._waiting), _MOST_TAKEN))]
@@ -139,7 +138,7 @@ class Intake(threading.Thread):
     def _put(self, placed: Placed) -> None:
         with self._come:
             while len(self._waiting) >= _MOST_WAITING and self._source.patient and not self._stop_asked.is_set():
-                self._come.wait(_WAIT_S)
+                self._come.wait(POLL_S)
             if len(self._waiting) >= _MOST_WAITING:
                 if not self.overrun:
                     self._source.faults.report("the estimate is too slow", "the oldest scans are dropped")

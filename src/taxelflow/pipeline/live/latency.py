@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,10 +11,19 @@ import numpy as np
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
-_LEAST_S, _MOST_S = 1e-6, 1e3
-"""Range of the histogram; times outside count in its first and last bin."""
-_PER_DECADE = 40
-"""Bins of 6 %."""
+
+@dataclass(frozen=True, slots=True)
+class _Bins:
+    """Bins of the histogram."""
+
+    least_s: float = 1e-6
+    most_s: float = 1e3
+    """Range of the histogram; times outside count in its first and last bin."""
+    per_decade: int = 40
+    """Bins of 6 %."""
+
+
+_BINS = _Bins()
 _MANY = 8
 """From here on NumPy is quicker."""
 
@@ -22,12 +32,12 @@ class Latencies:
     """Counts of durations in s."""
 
     def __init__(self) -> None:
-        self._counts = np.zeros(math.ceil(_PER_DECADE * math.log10(_MOST_S / _LEAST_S)) + 1, np.int64)
+        self._counts = np.zeros(math.ceil(_BINS.per_decade * math.log10(_BINS.most_s / _BINS.least_s)) + 1, np.int64)
         self.longest_s = 0.0
 
     def add(self, seconds: float) -> None:
         """One more."""
-        place = _PER_DECADE * math.log10(max(seconds, _LEAST_S) / _LEAST_S)
+        place = _BINS.per_decade * math.log10(max(seconds, _BINS.least_s) / _BINS.least_s)
         self._counts[min(int(place), len(self._counts) - 1)] += 1
         self.longest_s = max(self.longest_s, seconds)
 
@@ -37,7 +47,7 @@ class Latencies:
             for one in seconds.tolist():
                 self.add(one)
             return
-        place = _PER_DECADE * np.log10(np.maximum(seconds, _LEAST_S) / _LEAST_S)
+        place = _BINS.per_decade * np.log10(np.maximum(seconds, _BINS.least_s) / _BINS.least_s)
         np.add.at(self._counts, np.minimum(place.astype(np.int64), len(self._counts) - 1), 1)
         self.longest_s = max(self.longest_s, float(seconds.max()))
 
@@ -49,16 +59,16 @@ class Latencies:
         if not len(self):
             return math.nan
         number = int(np.searchsorted(np.cumsum(self._counts), share * len(self)))
-        return min(_LEAST_S * 10 ** ((number + 1) / _PER_DECADE), self.longest_s)
+        return min(_BINS.least_s * 10 ** ((number + 1) / _BINS.per_decade), self.longest_s)
 
     def decades(self) -> list[tuple[float, float, int]]:
         """From, to in s and count, for thirds of decades that are not empty at the ends."""
-        third = _PER_DECADE // 4
+        third = _BINS.per_decade // 4
         sums = np.add.reduceat(self._counts, np.arange(0, len(self._counts), third))
         used = np.flatnonzero(sums)
         if not len(used):
             return []
-        edge = [_LEAST_S * 10 ** (k * third / _PER_DECADE) for k in range(len(sums) + 1)]
+        edge = [_BINS.least_s * 10 ** (k * third / _BINS.per_decade) for k in range(len(sums) + 1)]
         return [(edge[k], edge[k + 1], int(sums[k])) for k in range(int(used[0]), int(used[-1]) + 1)]
 
     def words(self) -> str:

@@ -18,18 +18,28 @@ if TYPE_CHECKING:
     from taxelflow.acquire.devices.base import Faults
     from taxelflow.publish.sinks.base import Sink
 
-_HELD, _HELD_LOSSLESS = 512, 20_000
-"""Scans that wait for a sink; then the oldest are dropped for a live sink, the newest for a file that takes none."""
-_CROWDED = 2_000
-"""Scans that wait for a file before a source that can wait is slowed down;"""
-_STUCK_S = 0.25
-"""... unless the file's last write takes longer than this: then it is stuck."""
-_TICK_S = 0.05
-"""Time between two calls of a sink's `tick` while nothing comes."""
-_BATCH = 256
-"""Items that a sink takes at once, at most."""
-_GRACE_S = 1.5
-"""Time for a sink to close in."""
+
+@dataclass(frozen=True, slots=True)
+class _Queue:
+    """What waits for a sink."""
+
+    held: int = 512
+    held_lossless: int = 20_000
+    """Scans that wait for a sink; then the oldest are dropped for a live sink, the newest for a file that takes
+    none."""
+    crowded: int = 2_000
+    """Scans that wait for a file before a source that can wait is slowed down;"""
+    stuck_s: float = 0.25
+    """... unless the file's last write takes longer than this: then it is stuck."""
+    tick_s: float = 0.05
+    """Time between two calls of a sink's `tick` while nothing comes."""
+    batch: int = 256
+    """Items that a sink takes at once, at most."""
+    grace_s: float = 1.5
+    """Time for a sink to close in."""
+
+
+_QUEUE = _Queue()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,8 +69,8 @@ class SinkWorker(threading.Thread):
         self._closing: Ending | None = None
         self._settled_s: float | None = None
         self._busy_since = float("inf")
-        self._most = _HELD_LOSSLESS if sink.lossless else _HELD
-        self._awaited = _BATCH if sink.gathers_s else 1
+        self._most = _QUEUE.held_lossless if sink.lossless else _QUEUE.held
+        self._awaited = _QUEUE.batch if sink.gathers_s else 1
 
     @property
     def dropped(self) -> int:
@@ -85,7 +95,7 @@ class SinkWorker(threading.Thread):
                 self._drop(item)
             else:
                 self._waiting.append(item)
-            if len(self._waiting) >= _BATCH:
+            if len(self._waiting) >= _QUEUE.batch:
                 self._come.notify()
 
     def wake(self) -> None:
@@ -98,9 +108,9 @@ class SinkWorker(threading.Thread):
         """Wait while a file has much to write and is writing it; for sources that can wait."""
         while (
             self.sink.lossless
-            and len(self._waiting) > _CROWDED
+            and len(self._waiting) > _QUEUE.crowded
             and not self.ended
-            and time.monotonic() - self._busy_since < _STUCK_S
+            and time.monotonic() - self._busy_since < _QUEUE.stuck_s
         ):
             time.sleep(0.002)
 
@@ -113,7 +123,7 @@ class SinkWorker(threading.Thread):
             self._come.notify()
         self._drained()
         self.sink.hurry()
-        self.join(_GRACE_S)
+        self.join(_QUEUE.grace_s)
         if self.is_alive():
             left = sum(map(self._counted, self._waiting))
             self._dropped += left
@@ -121,7 +131,7 @@ class SinkWorker(threading.Thread):
 
     def _drained(self) -> None:
         """Wait while it goes on."""
-        while self.is_alive() and self._waiting and time.monotonic() - self._busy_since < _GRACE_S:
+        while self.is_alive() and self._waiting and time.monotonic() - self._busy_since < _QUEUE.grace_s:
             time.sleep(0.005)
 
     def _drop(self, item: Update | Raw) -> None:
@@ -158,13 +168,13 @@ class SinkWorker(threading.Thread):
     def _done(self) -> bool:
         with self._come:
             if len(self._waiting) < self._awaited and self._closing is None:
-                self._come.wait(self.sink.gathers_s or _TICK_S)
+                self._come.wait(self.sink.gathers_s or _QUEUE.tick_s)
             return self._closing is not None and not self._waiting
 
     def _taken(self) -> Iterator[Update | Raw]:
         """What waits, items of a kind joined; scans as they came before what they gave."""
         with self._come:
-            items = [self._waiting.popleft() for _ in range(min(len(self._waiting), _BATCH))]
+            items = [self._waiting.popleft() for _ in range(min(len(self._waiting), _QUEUE.batch))]
         self._in_hand = sum(map(self._counted, items))
         self._busy_since = time.monotonic()
         if len(items) == 1:

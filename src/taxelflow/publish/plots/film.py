@@ -13,6 +13,7 @@ from taxelflow.publish.plots.hand import draw_hand
 from taxelflow.publish.plots.marks import draw_arrow, draw_scale, draw_taxels, show_box
 from taxelflow.publish.plots.names import free_places, write_names
 from taxelflow.publish.plots.outlines import box_mm, extent_mm, on_hand_mm
+from taxelflow.publish.plots.sizes import FILM, NAMES
 from taxelflow.publish.plots.style import (
     BLUE,
     GREEN,
@@ -38,28 +39,6 @@ if TYPE_CHECKING:
 Frame = NDArray[np.uint8]
 """(height, width, 3), RGB."""
 
-
-@dataclass(frozen=True, slots=True)
-class _Layout:
-    """Of a frame."""
-
-    dpi: int = 100
-    size: int = 16
-    """Width and height of frames are multiples of this, as video codecs want them."""
-    longest: float = 0.18
-    typical: float = 0.8
-    """Arrow of this quantile of the slips' speeds, as a share of the hand's width; none is drawn twice as long."""
-    head: float = 0.022
-    lines: int = 4
-    """Pads whose load is drawn, and events that are listed."""
-    idle: float = 0.05
-    """Load, over the largest one, up to which a pad without an event is left out: it is noise."""
-    gap_mm: float = 8.0
-    name: float = 7.0
-    """Names of pads, points."""
-
-
-_LAYOUT = _Layout()
 
 _COLOURS = (BLUE, VERMILION, GREEN, MAGENTA)
 
@@ -95,7 +74,7 @@ def on_one_plane(layout: Layout) -> Layout:
     for pad in range(layout.pad_count):
         left, end, low, top = extent_mm(layout, pad)
         T_row[pad] = 1e-3 * (right - left), -1e-3 * (low + top) / 2, 0.0
-        right += end - left + _LAYOUT.gap_mm
+        right += end - left + FILM.gap_mm
     for pad in range(layout.pad_count, len(layout.pads)):
         own = layout.source[layout.of_pad(pad)]
         home = np.unique(np.searchsorted(layout.starts[: layout.pad_count + 1], own, side="right") - 1)
@@ -131,9 +110,9 @@ def _sheet(film: Film) -> tuple[Figure, Axes, Axes, Axes]:
     wide = 7.0 if ratio < 0.8 else 4.8
     high = float(np.clip(wide * ratio, 2.0, 6.5))
     width, height = (
-        _LAYOUT.size * round(_LAYOUT.dpi * size / _LAYOUT.size) / _LAYOUT.dpi for size in (wide + 2.9, high + 2.3)
+        FILM.multiple * round(FILM.dpi * size / FILM.multiple) / FILM.dpi for size in (wide + 2.9, high + 2.3)
     )
-    figure = plt.figure(figsize=(width, height), dpi=_LAYOUT.dpi)
+    figure = plt.figure(figsize=(width, height), dpi=FILM.dpi)
     hand = figure.add_axes((0.02, 1.85 / height, wide / width, high / height))
     words = figure.add_axes(((wide + 0.25) / width, 1.85 / height, 2.5 / width, high / height))
     load = figure.add_axes((0.75 / width, 0.5 / height, 1 - 1.0 / width, 1.15 / height))
@@ -152,7 +131,7 @@ def _sheet(film: Film) -> tuple[Figure, Axes, Axes, Axes]:
 def draw_load(axis: Axes, film: Film) -> None:
     """Load of the busiest pads against time, in % of the largest, over the slips of all pads."""
     pads = np.arange(film.layout.pad_count)
-    busiest = sorted(pads, key=lambda pad: -float(np.nanmax(film.load[:, pad], initial=0.0)))[: _LAYOUT.lines]
+    busiest = sorted(pads, key=lambda pad: -float(np.nanmax(film.load[:, pad], initial=0.0)))[: FILM.lines]
     most = float(np.nanmax(film.load[:, busiest], initial=0.0)) or 1.0
     touched = {event.pad for event in film.events}
     t_s = film.t_s - film.zero_s
@@ -160,14 +139,14 @@ def draw_load(axis: Axes, film: Film) -> None:
         axis.axvspan(t_s[max(first - 1, 0)], t_s[stop - 1], color=SLIP, linewidth=0, zorder=0)
     for pad, colour in zip(busiest, _COLOURS, strict=False):
         name, share = film.layout.pads[pad], film.load[:, pad] / most
-        if name in touched or np.nanmax(share, initial=0.0) > _LAYOUT.idle:
+        if name in touched or np.nanmax(share, initial=0.0) > FILM.idle:
             axis.plot(t_s, 100 * share, color=colour, linewidth=1.0, label=name)
     axis.set_xlim(film.frames_s[0] - film.zero_s, max(film.frames_s[-1], film.frames_s[0] + 1e-3) - film.zero_s)
     axis.set_ylim(-4, 108)
     axis.set_ylabel("load in %")
     axis.set_xlabel("time in s; shaded: slip", labelpad=1)
     if axis.lines:
-        axis.legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=_LAYOUT.lines, fontsize=7, borderaxespad=0.1)
+        axis.legend(loc="lower left", bbox_to_anchor=(0.0, 0.98), ncols=FILM.lines, fontsize=7, borderaxespad=0.1)
 
 
 class _Moving:
@@ -192,7 +171,7 @@ class _Moving:
         self._wide_mm = right - left
         speed = np.hypot(*film.vectors[film.slipping].T) if film.slipping.any() else np.zeros(0)
         speed = speed[np.isfinite(speed)]
-        self._fastest = float(np.quantile(speed, _LAYOUT.typical)) if len(speed) else 0.05
+        self._fastest = float(np.quantile(speed, FILM.typical)) if len(speed) else 0.05
         self._fastest = max(self._fastest, 1e-4)
         self._now = load.axvline(0.0, color=INK, linewidth=1.0, animated=True)
         self._clock = words.text(0, 0.98, "", fontsize=15, va="top", family="monospace", animated=True)
@@ -205,7 +184,7 @@ class _Moving:
         speed = tick_step(1e3 * self._fastest, 2)
         left, low = hand.get_xlim()[0], hand.get_ylim()[0]
         x, y = left + 0.3 * self._wide_mm, low + 0.02 * self._wide_mm
-        tip = (x + 1e-3 * speed * _LAYOUT.longest * self._wide_mm / self._fastest, y)
+        tip = (x + 1e-3 * speed * FILM.longest * self._wide_mm / self._fastest, y)
         draw_arrow(hand, (x, y), tip, VERMILION, 2.0)
         hand.annotate(f"{speed:g} mm/s", (x, y), (0, 4), textcoords="offset points", fontsize=7)
         scale, unit = pressure_unit(self._film.unit, self._top)
@@ -221,7 +200,7 @@ class _Moving:
         self._set_arrows(k)
         self._now.set_xdata([t_s - film.zero_s])
         self._clock.set_text(f"{t_s - film.zero_s:7.2f} s")
-        past = [event for event in film.events if event.t_s <= t_s][-2 * _LAYOUT.lines :]
+        past = [event for event in film.events if event.t_s <= t_s][-2 * FILM.lines :]
         self._seen.set_text("\n".join(_words(event, film.zero_s) for event in reversed(past)))
         drawn: list[tuple[Axes, Any]] = [(hand, self._taxels), (hand, self._shafts), (hand, self._heads)]
         return [*drawn, (load, self._now), (words, self._clock), (words, self._seen)]
@@ -231,13 +210,13 @@ class _Moving:
         known = np.isfinite(film.vectors[k]).all(axis=1) & np.isfinite(film.places[k]).all(axis=1)
         tail, vector = (
             1e3 * film.places[k][known],
-            film.vectors[k][known] * _LAYOUT.longest * self._wide_mm / self._fastest,
+            film.vectors[k][known] * FILM.longest * self._wide_mm / self._fastest,
         )
         length = np.hypot(*vector.T)[:, np.newaxis]
-        vector *= np.minimum(1.0, 2.0 * _LAYOUT.longest * self._wide_mm / np.maximum(length, 1e-9))
+        vector *= np.minimum(1.0, 2.0 * FILM.longest * self._wide_mm / np.maximum(length, 1e-9))
         along = vector / np.maximum(np.hypot(*vector.T)[:, np.newaxis], 1e-9)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        head = np.minimum(_LAYOUT.head * self._wide_mm, np.hypot(*vector.T))[:, np.newaxis]
+        head = np.minimum(FILM.head * self._wide_mm, np.hypot(*vector.T))[:, np.newaxis]
         tip, neck = tail + vector, tail + vector - head * along
         corners = np.stack([tip, neck + 0.4 * head * across, neck - 0.4 * head * across], axis=1)
         colours = [VERMILION if slips else GREY for slips in film.slipping[k][known]]
@@ -250,9 +229,9 @@ class _Moving:
 def _name_pads(axis: Axes, layout: Layout, pads: Sequence[int]) -> None:
     """Names beside the pads, if all of them have room there."""
     shapes = [on_hand_mm(layout, pad).reshape(-1, 2) for pad in pads]
-    names = free_places(axis, shapes, [layout.pads[pad] for pad in pads], _LAYOUT.name)
+    names = free_places(axis, shapes, [layout.pads[pad] for pad in pads], NAMES.points)
     if not any(name.covers for name in names):
-        write_names(axis, names, _LAYOUT.name)
+        write_names(axis, names, NAMES.points)
 
 
 def _words(event: Event, zero_s: float) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from taxelflow.numerics.geometry import transform
 from taxelflow.publish.plots.marks import draw_arrow, draw_taxels, show_box
 from taxelflow.publish.plots.outlines import box_mm, on_hand_mm
+from taxelflow.publish.plots.sizes import ARROWS
 from taxelflow.publish.plots.style import BLUE, FAINT, GREY, INK, MAGENTA, VERMILION, caption
 
 if TYPE_CHECKING:
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Bools, Floats
     from taxelflow.sensors.layout import Layout
-
-_LONGEST = 0.2
-"""The longest slip vector of a figure is drawn as this share of the hand's width."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +55,7 @@ def field_figure(layout: Layout, methods: Mapping[str, Sequence[Moment]], seen: 
     across = len(moments) // len(methods)
     box = box_mm(layout)
     fastest = max(float(np.nanmax(np.hypot(*moment.vectors.T), initial=1e-9)) for moment in moments)
-    scale = _LONGEST * (box[1] - box[0]) / fastest
+    scale = ARROWS.flat * (box[1] - box[0]) / fastest
     tips = np.concatenate([1e3 * moment.places + scale * moment.vectors for moment in moments])
     tips = tips[np.isfinite(tips).all(axis=1)]
     (left, low), (right, high) = np.min(tips, axis=0, initial=np.inf) - 6, np.max(tips, axis=0, initial=-np.inf) + 6

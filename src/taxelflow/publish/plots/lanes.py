@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.spans import spans
+from taxelflow.publish.plots.sizes import POSITION
 from taxelflow.publish.plots.style import INK, MAGENTA, look
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ _MARKS = {
     "slip_suspected": ("D", MAGENTA, 3.5),
 }
 """Marker, colour and size of each event; the end of a slip is that of its bar."""
-_CROWDED = 40
-"""Events in a lane above which those that a bar shows too are not marked."""
 
 
 def draw_lanes(axis: Axes, tracks: Sequence[Track], events: Sequence[Sequence[Event]], start_s: float) -> set[str]:
@@ -43,7 +42,7 @@ def draw_lanes(axis: Axes, tracks: Sequence[Track], events: Sequence[Sequence[Ev
             axis.broken_barh(bars, (lane - height / 2, height), facecolor=colour, alpha=alpha, linewidth=0)
         seen = events[lane] if lane < len(events) else ()
         for event in seen:
-            if event.event in _MARKS and (len(seen) <= _CROWDED or event.event == "slip_suspected"):
+            if event.event in _MARKS and (len(seen) <= POSITION.events or event.event == "slip_suspected"):
                 marker, edge, size = _MARKS[event.event]
                 when = event.t_s if np.isnan(event.onset_s) else event.onset_s
                 axis.plot([when - start_s], [lane], marker=marker, markersize=size, color=edge, markeredgewidth=0.7)

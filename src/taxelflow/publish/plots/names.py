@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taxelflow.publish.plots.sizes import NAMES
 from taxelflow.publish.plots.style import INK
 
 if TYPE_CHECKING:
@@ -16,10 +17,6 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Floats
 
-WIDE, TALL = 0.6, 1.3
-"""Width of a letter and height of a line, over the size of the font."""
-_GAP = 3.0
-"""Between a name and its pad, points."""
 _AROUND = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
 """Places of a name around its pad, the most wanted one first."""
 
@@ -53,9 +50,9 @@ def free_places(
     boxes: list[Floats] = []
     found = []
     for own, name in zip(drawn, names, strict=True):
-        half = np.array([WIDE * len(name), TALL]) * size / 2
+        half = np.array([NAMES.wide * len(name), NAMES.tall]) * size / 2
         low, high = own.min(axis=0), own.max(axis=0)
-        tried = [(low + high) / 2 + np.array(way) * ((high - low) / 2 + half + _GAP) for way in _AROUND]
+        tried = [(low + high) / 2 + np.array(way) * ((high - low) / 2 + half + NAMES.gap) for way in _AROUND]
         covers = [_covered(at, half, everything, boxes) + _outside(at, half, room) for at in tried]
         best = int(np.argmin(covers))
         boxes.append(np.stack([tried[best] - half, tried[best] + half]))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.geometry import transform
+from taxelflow.publish.plots.sizes import TAXELS
 from taxelflow.sensors import triangulation as mesh
 
 if TYPE_CHECKING:
@@ -16,29 +17,22 @@ if TYPE_CHECKING:
     from taxelflow.publish.plots.marks import Box
     from taxelflow.sensors.layout import Layout
 
-_SHARE = 0.45
-"""Half the side of a taxel that is drawn, in pitches: neighbours do not touch."""
-_CORNERS = 24
-"""Of the polygon that is drawn for a round taxel."""
-_ALIKE = 0.05
-"""Deviation of areas and directions from those of a hexagonal grid, as shares."""
-
 
 def outlines(layout: Layout, pad: int) -> Floats:
     """(taxels, corners, 2), m, in the frame of the pad. A disc has the taxel's area, if its neighbours leave room."""
     own = layout.of_pad(pad)
     xy = np.stack([layout.x_m[own], layout.y_m[own]], axis=1)
     if not layout.tables[pad]:
-        square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _SHARE * layout.pitch_m[pad]
+        square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * TAXELS.half_side * layout.pitch_m[pad]
         squares: Floats = xy[:, np.newaxis] + square
         return squares
     nearest = mesh.nearest_m(xy)
     turn = _hexagon_turn(layout, pad, xy, nearest)
     if turn is None:
         radius = np.minimum(np.sqrt(layout.area_m2[own] / np.pi), 0.49 * nearest)
-        angles = np.linspace(0.0, 2 * np.pi, _CORNERS, endpoint=False)
+        angles = np.linspace(0.0, 2 * np.pi, TAXELS.corners, endpoint=False)
     else:
-        radius = 2 * _SHARE * nearest / np.sqrt(3.0)
+        radius = 2 * TAXELS.half_side * nearest / np.sqrt(3.0)
         angles = turn + np.pi * (np.arange(6) / 3 + 1 / 6)
     shape = radius[:, np.newaxis, np.newaxis] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     found: Floats = xy[:, np.newaxis] + shape
@@ -51,14 +45,14 @@ def _hexagon_turn(layout: Layout, pad: int, xy: Floats, nearest: Floats) -> floa
     """
     own = layout.of_pad(pad)
     cell = np.sqrt(0.75) * nearest**2
-    if len(xy) < 3 or not (np.abs(layout.area_m2[own] - cell) < _ALIKE * cell).all():
+    if len(xy) < 3 or not (np.abs(layout.area_m2[own] - cell) < TAXELS.alike * cell).all():
         return None
     pairs = layout.neighbours(pad)
     vectors = (xy[pairs[:, 1]] - xy[pairs[:, 0]]) @ np.array([1.0, 1.0j])
     if not len(vectors):
         return None
     mean = complex(np.mean((vectors / np.abs(vectors)) ** 6))
-    return float(np.angle(mean)) / 6 if abs(mean) > 1 - _ALIKE else None
+    return float(np.angle(mean)) / 6 if abs(mean) > 1 - TAXELS.alike else None
 
 
 def on_hand_mm(layout: Layout, pad: int) -> Floats:

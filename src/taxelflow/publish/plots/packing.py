@@ -7,19 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.publish.plots.names import TALL, WIDE, finger
+from taxelflow.publish.plots.names import finger
 from taxelflow.publish.plots.outlines import extent_mm
+from taxelflow.publish.plots.sizes import NAMES, PAPER
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.sensors.layout import Layout
-
-NAME = 7.0
-"""Size of a name in points, on a picture of this width."""
-_PAPER = 720.0
-"""That width, in points."""
-_TALLEST = 0.95
-"""Height of the picture over its width that is aimed at."""
 
 
 def packed(layout: Layout) -> Floats:
@@ -29,7 +23,7 @@ def packed(layout: Layout) -> Floats:
     whole = float((boxes[:, 1] - boxes[:, 0]).sum()) * 1.5
     tried = [_rows(layout, blocks, boxes, width) for width in np.geomspace(whole / 8, whole, 12)]
     corners, sizes = zip(*tried, strict=True)
-    best = int(np.argmin([abs(np.log(high / wide / _TALLEST)) for wide, high in sizes]))
+    best = int(np.argmin([abs(np.log(high / wide / PAPER.row_aspect)) for wide, high in sizes]))
     T = np.zeros((layout.pad_count, 3))
     T[:, :2] = 1e-3 * (corners[best] - boxes[:, [0, 3]])
     return T
@@ -37,11 +31,14 @@ def packed(layout: Layout) -> Floats:
 
 def _rows(layout: Layout, blocks: list[list[int]], boxes: Floats, width: float) -> tuple[Floats, tuple[float, float]]:
     """Upper left corners (pads, 2) in mm of pads in rows of this width, and the extent of all, mm."""
-    point = width / _PAPER
-    gap, head = 10 * point, (TALL * NAME + 8) * point
+    point = width / PAPER.row_points
+    gap, head = 10 * point, (NAMES.tall * NAMES.points + 8) * point
     sizes = np.stack([boxes[:, 1] - boxes[:, 0], boxes[:, 3] - boxes[:, 2]], axis=1)
     room = np.array(
-        [max(sizes[pad, 0], WIDE * NAME * len(layout.pads[pad]) * point) + gap for pad in range(len(sizes))]
+        [
+            max(sizes[pad, 0], NAMES.wide * NAMES.points * len(layout.pads[pad]) * point) + gap
+            for pad in range(len(sizes))
+        ]
     )
     corners = np.zeros((len(sizes), 2))
     x, y, tall, widest = 0.0, 0.0, 0.0, 0.0

@@ -11,6 +11,7 @@ from taxelflow.numerics.geometry import transform
 from taxelflow.publish.plots.marks import draw_scale, draw_taxels, show_box
 from taxelflow.publish.plots.outlines import extent_mm, outlines
 from taxelflow.publish.plots.path import draw_pad
+from taxelflow.publish.plots.sizes import PATTERN
 from taxelflow.publish.plots.style import GREY, INK, MAGENTA, UNSEEN, VERMILION, caption, pressure_unit
 
 if TYPE_CHECKING:
@@ -23,14 +24,6 @@ if TYPE_CHECKING:
 
 _COLOURS = "inferno"
 _WAY = "viridis"
-_MARKS = 14
-"""Marks of orientation along a path."""
-_MARK_SHARE = 0.09
-"""Half the length of a mark of orientation, as a share of the pad's longer side."""
-_HEIGHT = 4.4
-"""Of a panel, inches."""
-SHOWN = 0.05
-"""The picture reaches to where the pattern has this share of its largest pressure."""
 _DARK, _EDGE = "#000004", "#4a4a55"
 """The colour map's own black, and outlines of taxels on it."""
 
@@ -65,7 +58,7 @@ def pattern_figure(layout: Layout, contact: Contact, start_s: float) -> Figure:
     pad = layout.pads.index(contact.pattern.pad)
     box = _box_mm(layout, pad, contact)
     ratio = (box[1] - box[0]) / (box[3] - box[2])
-    width = float(np.clip(_HEIGHT * ratio, 2.2, 3.4))
+    width = float(np.clip(PATTERN.height_in * ratio, 2.2, 3.4))
     height = width / ratio
     turned = bool(np.isfinite(contact.pose[:, 2]).any())
     below = 2.1 if turned else 0.0
@@ -112,7 +105,7 @@ def _box_mm(layout: Layout, pad: int, contact: Contact) -> Box:
     """The pad, the pattern at the pose shown and the way, with a margin, and room for the bar below."""
     left, right, low, high = extent_mm(layout, pad)
     places = _on_pad_mm(contact)
-    there = np.nan_to_num(contact.pattern.pressure) > SHOWN * np.nanmax(contact.pattern.pressure)
+    there = np.nan_to_num(contact.pattern.pressure) > PATTERN.shown * np.nanmax(contact.pattern.pressure)
     way = 1e3 * contact.pose[np.isfinite(contact.pose[:, 0]), :2]
     at = np.concatenate([places[there], way, [[left, low], [right, high]]])
     (left, low), (right, high) = at.min(axis=0), at.max(axis=0)
@@ -165,9 +158,9 @@ def _draw_way(axis: Axes, layout: Layout, pad: int, contact: Contact) -> Any:
     theta = contact.pose[:, 2] + _long_axis(contact.pattern)
     known = np.flatnonzero(np.isfinite(theta))
     if len(known):
-        marked = known[np.unique(np.linspace(0, len(known) - 1, _MARKS).astype(int))]
+        marked = known[np.unique(np.linspace(0, len(known) - 1, PATTERN.marks).astype(int))]
         rows, cols = layout.shapes[pad]
-        reach = _MARK_SHARE * 1e3 * float(np.max(layout.pitch_m[pad] * [cols, rows]))
+        reach = PATTERN.mark_half * 1e3 * float(np.max(layout.pitch_m[pad] * [cols, rows]))
         arm = reach * np.stack([np.cos(theta[marked]), np.sin(theta[marked])], axis=1)
         lines = LineCollection(
             list(np.stack([at[marked] - arm, at[marked] + arm], axis=1)), cmap=_WAY, linewidths=1.6, zorder=3

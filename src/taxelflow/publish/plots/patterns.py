@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.publish.plots.pattern import SHOWN
+from taxelflow.publish.plots.sizes import PATTERN
 from taxelflow.publish.plots.style import INK, UNSEEN, caption, pressure_unit, three_digits
 
 if TYPE_CHECKING:
@@ -66,6 +66,6 @@ def patterns_figure(
 
 def _bounds_mm(pattern: LearnedPattern) -> Floats:
     """(2, 2), from and to along x and along y where the pattern has pressure."""
-    there = np.nan_to_num(pattern.pressure) > SHOWN * np.nanmax(pattern.pressure)
+    there = np.nan_to_num(pattern.pressure) > PATTERN.shown * np.nanmax(pattern.pressure)
     x, y = 1e3 * pattern.x_m[there.any(axis=0)], 1e3 * pattern.y_m[there.any(axis=1)]
     return np.array([[x[0], x[-1]], [y[0], y[-1]]])

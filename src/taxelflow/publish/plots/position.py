@@ -12,6 +12,7 @@ import numpy as np
 from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.lanes import draw_lanes
+from taxelflow.publish.plots.sizes import POSITION
 from taxelflow.publish.plots.style import GREY, INK, SLIP, look
 
 if TYPE_CHECKING:
@@ -23,10 +24,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Event, Floats
     from taxelflow.publish.results import Track
 
-_CROWDED = 400
-"""Positions above which their marks are small."""
-_MOST_NUMBERS = 8
-"""Strokes that still leave room for their slopes as numbers."""
 _MARKED = (("slip_start", "▶ its onset"), ("slip_suspected", "◆ suspected"))
 """Kinds of events whose marks are explained, and the words."""
 _BESIDE = {"o": (34, 14), "^": (42, -14)}
@@ -60,7 +57,7 @@ def position_figure(
         for track in tracks:
             style = look(track.method)
             t_s, at_mm = track.t_s - start_s, 1e3 * track.position_m[:, component]
-            size = 2.0 if np.isfinite(at_mm).sum() > _CROWDED else 4.0
+            size = 2.0 if np.isfinite(at_mm).sum() > POSITION.small_above else 4.0
             axis.plot(t_s, at_mm, linestyle="none", markersize=size, markeredgewidth=0, alpha=0.85, **style)
         axis.set_ylabel(f"{'xy'[component]} in mm")
     for track in tracks:
@@ -152,7 +149,7 @@ def _draw_lines(
         slope, offset = np.polyfit(t_s[used] - start_s, at_mm[used], 1)
         ends = np.array([t_s[used][0], t_s[used][-1]]) - start_s
         axis.plot(ends, slope * ends + offset, color=style["color"], linewidth=1.2, linestyle=(0, (4, 2)))
-        if len(strokes) > _MOST_NUMBERS:
+        if len(strokes) > POSITION.slopes:
             continue
         up = style["marker"] == "o"
         aside, above = _BESIDE.get(style["marker"], (16, -36))

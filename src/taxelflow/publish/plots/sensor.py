@@ -9,9 +9,10 @@ import numpy as np
 
 from taxelflow.numerics.geometry import se3_of, transform
 from taxelflow.publish.plots.marks import draw_arrow, draw_scale, draw_taxels, show_box
-from taxelflow.publish.plots.names import WIDE, free_places, write_names
+from taxelflow.publish.plots.names import free_places, write_names
 from taxelflow.publish.plots.outlines import outlines
-from taxelflow.publish.plots.packing import NAME, packed
+from taxelflow.publish.plots.packing import packed
+from taxelflow.publish.plots.sizes import NAMES, PAPER, TAXELS
 from taxelflow.publish.plots.solid import draw_faces, faces, frame
 from taxelflow.publish.plots.style import BLUE, GREY, INK, TINTS, VERMILION, caption, caption_lines, pale, tick_step
 from taxelflow.sensors.pad_geometry import geometry_of
@@ -25,13 +26,6 @@ if TYPE_CHECKING:
     from taxelflow.publish.plots.marks import Box
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
-
-_WIDEST, _TALLEST, _PITCH = 10.0, 8.5, 0.6
-"""Most inches of the hand on paper, and of the distance between two taxels."""
-_NUMBERED = 1100
-"""Taxels up to which their numbers are readable on the map."""
-_FEW = 100
-"""Taxels that are numbered in space."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,15 +56,15 @@ def sensor_figure(sensor: Sensor) -> Figure:
     figure, axis = _drawn(flat, tints)
     if len(flat.shapes) > 1:
         names = free_places(
-            axis, [_points(shape) for shape in flat.shapes], sensor.layout.pads[: len(flat.shapes)], NAME
+            axis, [_points(shape) for shape in flat.shapes], sensor.layout.pads[: len(flat.shapes)], NAMES.points
         )
         if any(name.covers for name in names):
             plt.close(figure)
             tints = [TINTS[pad % len(TINTS)] for pad in range(len(tints))]
             figure, axis = _drawn(flat, tints)
         else:
-            write_names(axis, names, NAME)
-    if sensor.layout.taxels <= _NUMBERED:
+            write_names(axis, names, NAMES.points)
+    if sensor.layout.taxels <= TAXELS.numbered:
         for pad in range(len(flat.shapes)):
             _number(axis, flat, pad, _colours(flat, pad, tints[pad]))
     return figure
@@ -83,7 +77,9 @@ def _flat(sensor: Sensor) -> _Flat:
     shapes = [1e3 * transform(T[pad], outlines(layout, pad)) for pad in range(layout.pad_count)]
     corners = np.concatenate([shape.reshape(-1, 2) for shape in shapes])
     extent = np.ptp(corners, axis=0)
-    scale = min(_WIDEST / extent[0], _TALLEST / extent[1], _PITCH / (1e3 * float(layout.pitch_m.max())))
+    scale = min(
+        PAPER.size_in[0] / extent[0], PAPER.size_in[1] / extent[1], PAPER.pitch_in / (1e3 * float(layout.pitch_m.max()))
+    )
     margin = 0.15 / scale
     head = 0.2 / scale if layout.pad_count > 1 else 0.0
     (left, low), (right, high) = corners.min(axis=0) - margin, corners.max(axis=0) + margin
@@ -221,7 +217,7 @@ def _draw_names(axis: Axes, flat: _Flat, tints: list[str], points_per_mm: float)
     for pad, shape in enumerate(flat.shapes):
         _draw(axis, flat, pad, tints[pad])
         name, wide = names[pad][common:], float(np.ptp(shape[..., 0]))
-        size = min(9.0, 0.9 * wide * points_per_mm / (WIDE * len(name)))
+        size = min(9.0, 0.9 * wide * points_per_mm / (NAMES.wide * len(name)))
         look: dict[str, Any] = {"fontsize": size, "fontweight": "bold", "color": INK, "ha": "center", "va": "center"}
         axis.annotate(name, shape.mean(axis=(0, 1)).tolist(), **look)
     axis.set_title("pads")
@@ -249,7 +245,7 @@ def _draw_space(axis: Any, sensor: Sensor, tints: list[str]) -> None:
     own_tint = [
         tints[pad] or BLUE for pad in range(len(tints)) for _ in range(*layout.of_pad(pad).indices(layout.taxels))
     ]
-    draw_faces(axis, corners, normals, own_tint, numbered=layout.taxels <= _FEW)
+    draw_faces(axis, corners, normals, own_tint, numbered=layout.taxels <= TAXELS.numbered_in_space)
     axis.set_title("in space")
 
 

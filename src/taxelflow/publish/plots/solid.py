@@ -7,21 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.publish.plots.outlines import outlines
+from taxelflow.publish.plots.sizes import FACES
 from taxelflow.publish.plots.style import GREY, INK, tick_step
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.pad_geometry import PadGeometry
-
-_THINNEST = 0.12
-"""Least extent of an axis, over the largest one: a flat hand keeps a height."""
-_DARKEST = 0.35
-"""Saturation of a face seen from the side."""
-_AWAY = 0.12
-"""Saturation of a face that is turned away."""
-_SEEN = 0.3
-"""Cosine between normal and view above which a number on a face is readable."""
 
 
 def faces(layout: Layout, pad: int, own: PadGeometry) -> Floats:
@@ -52,12 +44,12 @@ def draw_faces(axis: Any, corners: list[Floats], normals: Floats, tints: list[st
     viewer = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     towards = normals @ viewer
     colours = np.array([to_rgb(tint) for tint in tints])
-    share = (_DARKEST + (0.75 - _DARKEST) * np.abs(towards))[:, np.newaxis]
-    away = 0.9 + _AWAY * (colours - colours.mean(axis=1, keepdims=True))
+    share = (FACES.darkest + (0.75 - FACES.darkest) * np.abs(towards))[:, np.newaxis]
+    away = 0.9 + FACES.away * (colours - colours.mean(axis=1, keepdims=True))
     shaded = np.where(towards[:, np.newaxis] > 0, share * colours + (1 - share), away.clip(0.0, 1.0))
     skin = Poly3DCollection([1e3 * face for face in corners], facecolors=shaded, edgecolors=GREY, linewidths=0.4)
     axis.add_collection3d(skin)
-    for taxel in np.flatnonzero(towards > _SEEN) if numbered else ():
+    for taxel in np.flatnonzero(towards > FACES.readable) if numbered else ():
         x, y, z = 1e3 * corners[taxel].mean(axis=0)
         axis.text(x, y, z, str(taxel), fontsize=7, color=INK, ha="center", va="center")
 
@@ -68,7 +60,7 @@ def frame(axis: Any, places: Floats, azimuth_deg: float, elevation_deg: float) -
 
     low, high = 1e3 * places.min(axis=0), 1e3 * places.max(axis=0)
     largest = float((high - low).max())
-    half = np.maximum(high - low, _THINNEST * largest) / 2 * 1.05
+    half = np.maximum(high - low, FACES.thinnest * largest) / 2 * 1.05
     middle = (low + high) / 2
     for number, letter in enumerate("xyz"):
         getattr(axis, f"set_{letter}lim")(middle[number] - half[number], middle[number] + half[number])

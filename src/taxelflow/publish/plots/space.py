@@ -14,7 +14,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Joints
 from taxelflow.publish.plots.marks import draw_taxels
 from taxelflow.publish.plots.names import finger, free_places, write_names
-from taxelflow.publish.plots.packing import NAME
+from taxelflow.publish.plots.sizes import ARROWS, FACES, NAMES
 from taxelflow.publish.plots.solid import draw_faces, faces, frame, on_paper
 from taxelflow.publish.plots.style import GREY, MAGENTA, TINTS, VERMILION, caption, pale, save, styled, wrapped
 from taxelflow.sensors.hand import JointsInvalid, joint_angles, ways
@@ -34,10 +34,6 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _FORMATS = (".svg", ".png", ".pdf")
-_LONGEST = 0.15
-"""The longest slip vector is drawn as this share of the hand's extent."""
-_DISTORTED = 4.0
-"""Distances on the map, over those on the skin, from which it would mislead."""
 _SIDES = ((-60.0, 25.0), (120.0, 25.0))
 """Azimuth and elevation of the two views, deg."""
 
@@ -117,7 +113,7 @@ def space_figure(hand: InSpace, field: SpaceField | None, title: str) -> Figure:
 
     projection = SphereMap(hand.places, hand.normals)
     low, high = projection.distortion(hand.places, hand.pairs)
-    mapped = low > 1 / _DISTORTED and high < _DISTORTED
+    mapped = low > 1 / FACES.distorted and high < FACES.distorted
     seen = "In space, faces turned away are pale. " + (
         "The map shows the skin as the object sees it (azimuthal equidistant projection around the centre of the "
         f"grasp): distances between neighbouring taxels are {low:.2f} to {high:.2f} times those on the skin."
@@ -152,7 +148,7 @@ def _write_names(axis: Axes, hand: InSpace, arrows: tuple[Floats, Floats], drawn
     pads = [np.flatnonzero(hand.pad == pad) for pad in np.unique(hand.pad)]
     shapes = [drawn(np.concatenate([hand.faces[taxel] for taxel in own])) for own in pads]
     along = np.concatenate([arrows[0] + share * arrows[1] for share in np.linspace(0.0, 1.0, 9)])
-    write_names(axis, free_places(axis, shapes, hand.names, NAME, drawn(along)), NAME)
+    write_names(axis, free_places(axis, shapes, hand.names, NAMES.points, drawn(along)), NAMES.points)
 
 
 def _tints(hand: InSpace) -> list[str]:
@@ -181,7 +177,7 @@ def _arrows(field: SpaceField | None, extent_m: float) -> tuple[Floats, Floats]:
     known = np.isfinite(field.vectors).all(axis=1)
     vectors = field.vectors[known]
     longest = float(np.linalg.norm(vectors, axis=1).max(initial=0.0))
-    return field.places[known], vectors * (_LONGEST * extent_m / longest if longest > 0 else 0.0)
+    return field.places[known], vectors * (ARROWS.space * extent_m / longest if longest > 0 else 0.0)
 
 
 def _draw_arrows(flat: Axes, arrows: tuple[Floats, Floats], projection: SphereMap) -> None:

@@ -8,22 +8,12 @@ import numpy as np
 
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
+from taxelflow.publish.view.look import ARROWS
 from taxelflow.publish.view.palette import round_up
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
     from taxelflow.publish.view.vectors import Vectors
-
-RING = 0.03
-"""Radius of the first ring, as a share of the hand's size."""
-RINGS = 2
-"""Rings around an arrow's begin."""
-_LONGEST = 3.2
-"""Length of the longest arrow, in rings; a faster slip is drawn as long as this."""
-_WIDE, _SLIM = 0.028, 0.55
-"""Width of an arrow's head: a share of the hand's size, but at most this share of the arrow's length."""
-_HEAD, _SHAFT = 0.42, 0.36
-"""Length of the head as a share of the arrow, and width of its shaft as one of the head."""
 
 
 class Arrows:
@@ -32,12 +22,12 @@ class Arrows:
     def __init__(self, server: Any, name: str, count: int, size_m: float, *, wide: float = 1.0, rings: bool) -> None:
         self._size, self._wide = size_m, wide
         self._normal = np.zeros((count, 3))  # that the rings stand on
-        self.arrows = add_batch(server, f"{name}/arrows", shapes.arrow(_HEAD, _SHAFT), count, visible=False)
+        self.arrows = add_batch(server, f"{name}/arrows", shapes.arrow(ARROWS.head, ARROWS.shaft), count, visible=False)
         self._rings = None
         if rings:
             shape = shapes.ring(0.955, 0.03)
             more = {"side": "double", "opacity": 0.75, "visible": False}
-            self._rings = add_batch(server, f"{name}/rings", shape, RINGS * count, **more)
+            self._rings = add_batch(server, f"{name}/rings", shape, ARROWS.rings * count, **more)
 
     def tint(self, ring: Any) -> None:
         """Colour of the rings, (3,)."""
@@ -52,11 +42,11 @@ class Arrows:
         if not shown:
             self._show(shown)
             return
-        ring = RING * size
+        ring = ARROWS.ring * size
         start = np.where(known[:, np.newaxis], vectors.start, 0.0) + raised_m * vectors.normal
         arrow = np.where(known[:, np.newaxis], vectors.velocity, 0.0) * per_speed_s
-        length = np.minimum(np.linalg.norm(arrow, axis=1), _LONGEST * ring)
-        wide = self._wide * np.minimum(_WIDE * size, _SLIM * length)
+        length = np.minimum(np.linalg.norm(arrow, axis=1), ARROWS.longest * ring)
+        wide = self._wide * np.minimum(ARROWS.wide * size, ARROWS.slim * length)
         scales = np.column_stack([wide, wide, length]) + shapes.NONE
         turned = shapes.standing(arrow)
         put(self.arrows, batched_positions=start, batched_wxyzs=turned, batched_colors=colours, batched_scales=scales)
@@ -70,18 +60,18 @@ class Arrows:
             self._rings.visible = shown
 
     def _draw_rings(self, start: Floats, normal: Floats, radius: Floats) -> None:
-        each = np.repeat(radius, RINGS) * np.tile(np.arange(RINGS) + 1, len(radius)) + shapes.NONE
+        each = np.repeat(radius, ARROWS.rings) * np.tile(np.arange(ARROWS.rings) + 1, len(radius)) + shapes.NONE
         put(
             self._rings,
-            batched_positions=np.repeat(start, RINGS, axis=0),
+            batched_positions=np.repeat(start, ARROWS.rings, axis=0),
             batched_scales=np.repeat(each[:, np.newaxis], 3, axis=1),
         )
         if not np.array_equal(normal, self._normal):
             self._normal = normal
-            put(self._rings, batched_wxyzs=np.repeat(shapes.standing(normal), RINGS, axis=0))
+            put(self._rings, batched_wxyzs=np.repeat(shapes.standing(normal), ARROWS.rings, axis=0))
 
 
 def speed_of_ring(speeds: Floats) -> float:
     """A round speed for the first ring: typical slips reach the second one."""
     known = speeds[np.isfinite(speeds)]
-    return round_up(float(np.quantile(known, 0.8)) / RINGS) if len(known) else 0.01
+    return round_up(float(np.quantile(known, 0.8)) / ARROWS.rings) if len(known) else 0.01

@@ -9,6 +9,7 @@ import numpy as np
 
 from taxelflow.errors import ExtraMissing
 from taxelflow.publish.view.hand_links import Skin
+from taxelflow.publish.view.look import CAMERA
 from taxelflow.publish.view.placement import ON_LINKS, Placement, corners_of, tangents
 from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.sensors.pad_geometry import geometry_of
@@ -16,9 +17,6 @@ from taxelflow.sensors.pad_geometry import geometry_of
 if TYPE_CHECKING:
     from taxelflow.messages import Floats, Joints
     from taxelflow.sensors.sensor import Sensor
-
-_MOST_POSES = 25
-"""Of the hand, from which the camera is placed."""
 
 
 def fingers_of(sensor: Sensor, joints: Joints | None) -> tuple[Fingers | None, str]:
@@ -63,7 +61,7 @@ class Fingers:
             [tangents(own.xy, own.place_m, pitch) for own, pitch in zip(local, pitch_m, strict=True)]
         )
         known_s = _known_times(joints, kinematics)
-        times = known_s[np.linspace(0, len(known_s) - 1, min(len(known_s), _MOST_POSES)).astype(int)]
+        times = known_s[np.linspace(0, len(known_s) - 1, min(len(known_s), CAMERA.hand_poses)).astype(int)]
         self._angles = kinematics.angles_at(joints, times[:1])[0]
         places = [self._moved(angles).place for angles in kinematics.angles_at(joints, times)]
         self.reach = np.concatenate(places)

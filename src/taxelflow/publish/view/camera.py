@@ -6,19 +6,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from taxelflow.publish.view.look import CAMERA
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.messages import Floats
-
-FOV_RAD = 0.4
-"""Vertical field of view: narrow, so that pads far from the middle are not distorted."""
-MARGIN = 1.06
-"""Size of the picture over what it shows."""
-_HIDDEN = -0.5
-"""Weight of a hidden taxel, where one that faces the camera has weight 1."""
-_HEIGHTS, _TURNS = np.radians((30.0, 42.0, 55.0)), 24
-"""Directions that are tried for the clearest view of a hand: angles above the horizon, and turns about it."""
 
 
 class Camera(NamedTuple):
@@ -84,7 +77,7 @@ def fitted(points: Floats, direction: Floats, aspect: float) -> Camera:
     """The nearest camera in a direction (3,) that sees all points (n, 3), centred. aspect: width over height."""
     axes = picture_axes(direction)
     own = points @ np.stack(axes, axis=1)
-    tangent = np.tan(FOV_RAD / 2) / MARGIN
+    tangent = np.tan(CAMERA.fov_rad / 2) / CAMERA.margin
     reach = np.array([tangent * aspect, tangent])
     middle, far = (own[:, :2].min(axis=0) + own[:, :2].max(axis=0)) / 2, 0.0
     for _ in range(12):  # to the nearest camera
@@ -102,11 +95,11 @@ def clearest(place: Floats, normal: Floats, pad: NDArray[np.int64], cell_m: floa
     place, normal: (taxels, 3). pad: (taxels,), whose they are. cell_m: size of a taxel.
     """
     best, found = -np.inf, np.array([0.0, 0.0, 1.0])
-    for height in _HEIGHTS:
-        for turn in 2 * np.pi * np.arange(_TURNS) / _TURNS - np.pi / 2:
+    for height in np.radians(CAMERA.heights_deg):
+        for turn in 2 * np.pi * np.arange(CAMERA.turns) / CAMERA.turns - np.pi / 2:
             direction = np.array([np.cos(turn) * np.cos(height), np.sin(turn) * np.cos(height), np.sin(height)])
             own = place @ np.stack(picture_axes(direction), axis=1)
-            seen = np.where(_in_front(own, pad, cell_m), np.maximum(normal @ direction, 0.0), _HIDDEN)
+            seen = np.where(_in_front(own, pad, cell_m), np.maximum(normal @ direction, 0.0), CAMERA.hidden_weight)
             if seen.sum() > best + 1e-9:
                 best, found = float(seen.sum()), direction
     return found

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from taxelflow.numerics.clock import SAME_S
+from taxelflow.publish.view.look import PLOTS
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -14,19 +15,9 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 COUNTS = "counts"
-SHOWN_S = 6.0
-"""Time that the plots span, up to the scan that is shown."""
-_MOST = 400
-"""Most points of a plot; of more scans, every second, third, ... is drawn."""
 _BLUE, _ORANGE, _GREEN, _GREY = "#4a9fe0", "#e6843c", "#3cb88a", "#8f95a3"
 
 
-_HEIGHT = 118
-"""Of a plot, pixels."""
-_PADDING = (9, 24, 0, 0)
-"""Above, right, below, left, pixels: half a number stands above the highest line."""
-_RATIOS = 1e-6, 1e6
-"""Statistics over their threshold between which they are drawn."""
 _CIRCLES: Any = {"show": True, "size": 6, "fill": "rgba(0,0,0,0)", "width": 1.2}
 _COMPARED = {"speed": 2, "turn": 1}
 """Curves of the plots that differ by method; load and the slip test do not."""
@@ -47,7 +38,9 @@ def charts(load_unit: str) -> dict[str, Chart]:
     """The plots, from top to bottom."""
     return {
         "speed": Chart(
-            f"speed over the last {SHOWN_S:g} s, mm/s (blue x, orange y)", (("x", _BLUE), ("y", _ORANGE)), compared=True
+            f"speed over the last {PLOTS.shown_s:g} s, mm/s (blue x, orange y)",
+            (("x", _BLUE), ("y", _ORANGE)),
+            compared=True,
         ),
         "turn": Chart("rate of turn, deg/s", (("turn", _GREEN),), compared=True),
         "load": Chart(f"load, {load_unit}", (("load", _BLUE),), points=False),
@@ -84,7 +77,7 @@ class Charts:
         """Draw results of the last seconds. pad: number; None for the object. second: of a second method."""
         if results is None:
             return
-        every = max(1, len(results.slips) // _MOST)
+        every = max(1, len(results.slips) // PLOTS.points)
         curves = curves_of(results, pad, self._load_scale)
         others = _beside(second, results.slips.t_s, pad, self._load_scale) if self._compares else {}
         x = (results.slips.t_s - at_s)[::every]
@@ -112,7 +105,7 @@ def curves_of(results: Results, pad: int | None, load_scale: float) -> dict[str,
         "speed": [1e3 * velocity[:, 0], 1e3 * velocity[:, 1]],
         "turn": [np.degrees(velocity[:, 2])],
         "load": [load_scale * load],
-        "test": [np.log(np.clip(tested, *_RATIOS)), np.zeros(len(slips))],
+        "test": [np.log(np.clip(tested, *PLOTS.ratios)), np.zeros(len(slips))],
     }
 
 
@@ -143,14 +136,14 @@ def _plot(gui: Any, chart: Chart, *, compares: bool) -> Any:
             uplot.Series(label=f"{name}, second", stroke=colour, width=0.0, points=_CIRCLES)
             for name, colour in chart.curves
         ]
-    nothing = np.array([-SHOWN_S, 0.0])
+    nothing = np.array([-PLOTS.shown_s, 0.0])
     return gui.add_uplot(
         data=(nothing, *(np.zeros(2) for _ in curves)),
         series=(uplot.Series(label="s"), *curves),
         title=chart.title,
-        scales={"x": uplot.Scale(time=False, range=(-SHOWN_S, 0.0)), "y": uplot.Scale(auto=True)},
+        scales={"x": uplot.Scale(time=False, range=(-PLOTS.shown_s, 0.0)), "y": uplot.Scale(auto=True)},
         axes=(time, axis),
         legend=uplot.Legend(show=False),
-        height=_HEIGHT,
-        padding=_PADDING,
+        height=PLOTS.height,
+        padding=PLOTS.padding,
     )

@@ -7,14 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.publish.view.scene import ASPECT
+from taxelflow.publish.view.look import CAMERA
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.publish.view.scene import Scene
-
-_SAME = 1e-3
-"""Change of the aspect ratio, and of the camera's place as a share of its distance, that is ignored."""
 
 
 _MOST_OFFERED = 64
@@ -38,13 +35,13 @@ class Framing:
         client, scene = camera.client, self._scene
         if scene.position is not self._offered[-1][1]:
             self._offered.append((scene.aspect, scene.position))
-        aspect = min(float(camera.aspect), ASPECT)
+        aspect = min(float(camera.aspect), CAMERA.aspect)
         own = self._fitted.get(client.client_id)
         position, look_at = np.array(camera.position), np.array(camera.look_at)
-        near = _SAME * float(np.linalg.norm(position - look_at))
+        near = CAMERA.same_fit * float(np.linalg.norm(position - look_at))
         given = reversed(self._offered) if own is None else [own]
         before = next((ratio for ratio, place in given if float(np.linalg.norm(position - place)) <= near), None)
-        if before is None or not aspect > 0 or abs(aspect - before) < _SAME:
+        if before is None or not aspect > 0 or abs(aspect - before) < CAMERA.same_fit:
             return
         found = scene.frame(position - look_at, aspect)
         self._offered.append((scene.aspect, scene.position))

@@ -12,21 +12,11 @@ import numpy as np
 
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
+from taxelflow.publish.view.look import LINKS
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.publish.view.shapes import Shape
-
-_SECTIONS = 16
-"""Of the cylinders at the joints."""
-_JOINT = 0.032
-"""Radius of a joint at most, as a share of the hand's size."""
-_BEHIND = 0.3
-"""Distance of a link from the taxels of its pads, in pitches: behind their plates."""
-_RIM = 0.62
-"""Of a pad beyond the middles of its outer taxels, in pitches."""
-THROUGH = 0.45
-"""Opacity of links, and of plates on them: pads that face away are seen through them."""
 
 
 class Skin(NamedTuple):
@@ -42,11 +32,11 @@ class HandLinks:
 
     def __init__(self, server: Any, links: dict[int, tuple[Floats, Skin]], size_m: float) -> None:
         """links: joints and skin of each link by its number, see `Fingers`."""
-        found = [(link, solid_of(ends, skin, _JOINT * size_m)) for link, (ends, skin) in links.items()]
+        found = [(link, solid_of(ends, skin, LINKS.joint * size_m)) for link, (ends, skin) in links.items()]
         self._shapes = {link: shape for link, shape in found if shape is not None}
         self._T: dict[int, Floats] = {}
         self._solids = [
-            (link, add_batch(server, f"/hand/{link}", shape, 1, scales=np.ones((1, 3)), opacity=THROUGH))
+            (link, add_batch(server, f"/hand/{link}", shape, 1, scales=np.ones((1, 3)), opacity=LINKS.opacity))
             for link, shape in self._shapes.items()
         ]
 
@@ -83,7 +73,7 @@ def solid_of(ends: Floats, skin: Skin, joint_m: float) -> Shape | None:
     points = [back, flesh, foot, *(_joint(end, skin, joint_m) for end in ends[1:])]
     cloud = np.concatenate(points)
     for place, normal, across in zip(*skin, strict=True):
-        above = (cloud - place) @ normal + _BEHIND * np.linalg.norm(across, axis=0).max()
+        above = (cloud - place) @ normal + LINKS.behind * np.linalg.norm(across, axis=0).max()
         cloud = cloud - np.maximum(above, 0.0)[:, np.newaxis] * normal
     if len(cloud) < 4 or np.linalg.svd(cloud - cloud.mean(axis=0), compute_uv=False)[-1] < 1e-3 * joint_m:
         return None
@@ -94,8 +84,10 @@ def solid_of(ends: Floats, skin: Skin, joint_m: float) -> Shape | None:
 def _back(skin: Skin) -> Floats:
     """(n, 3), outline of the pads, behind them."""
     pitch = np.linalg.norm(skin.across, axis=1).max(axis=1)[:, np.newaxis] if len(skin.place) else np.zeros((0, 1))
-    inner = skin.place - _BEHIND * pitch * skin.normal
-    corners = [inner + _RIM * (a * skin.across[..., 0] + b * skin.across[..., 1]) for a in (-1, 1) for b in (-1, 1)]
+    inner = skin.place - LINKS.behind * pitch * skin.normal
+    corners = [
+        inner + LINKS.rim * (a * skin.across[..., 0] + b * skin.across[..., 1]) for a in (-1, 1) for b in (-1, 1)
+    ]
     return np.concatenate(corners)
 
 
@@ -111,7 +103,7 @@ def _flange(ends: Floats) -> Floats:
 
 def _ring(axis: Floats, radius: float) -> Floats:
     """(n, 3), a circle about an axis (3,) through the origin."""
-    turn = 2 * np.pi * np.arange(_SECTIONS) / _SECTIONS
+    turn = 2 * np.pi * np.arange(LINKS.sections) / LINKS.sections
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
     first /= np.linalg.norm(first)
     found: Floats = radius * (np.outer(np.cos(turn), first) + np.outer(np.sin(turn), np.cross(axis, first)))

@@ -6,27 +6,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from taxelflow.publish.view.arrows import RINGS
 from taxelflow.publish.view.lettering import LEFT, RIGHT, Anchor, Label, Plane, font
+from taxelflow.publish.view.look import ARROWS, LEGEND
 from taxelflow.publish.view.palette import GREEN, MAGENTA, VERMILION, number, ramp
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.publish.view.camera import Axes
     from taxelflow.publish.view.palette import Rgb, Theme
-
-_SIZE = (1600, 102)
-"""Of the legend, pixels."""
-_WIDE = 0.93
-"""Its width, as a share of the picture's."""
-_BAR = (4, 12, 512, 42)
-"""Of the scale of pressure: left, top, right, bottom."""
-_ROWS = (27, 71)
-"""Heights of what stands in two rows."""
-_RADIUS = 45
-"""Of the outer ring, pixels."""
-_BELOW = 0.05
-"""Distance from the hand, as a share of the picture's width."""
 
 
 class Scales(NamedTuple):
@@ -53,16 +40,16 @@ class Legend:
         """Move it below points (n, 3) as seen along the axes, in a picture so wide; return its own corners (m, 3)."""
         own = points @ np.stack(axes, axis=1)
         low, high = own.min(axis=0), own.max(axis=0)
-        depth, pixel_m = float((low[2] + high[2]) / 2), _WIDE * wide_m / _SIZE[0]
-        wide, tall = pixel_m * np.array(_SIZE)
-        x, y = (low[0] + high[0]) / 2, low[1] - _BELOW * wide_m
+        depth, pixel_m = float((low[2] + high[2]) / 2), LEGEND.wide * wide_m / LEGEND.size[0]
+        wide, tall = pixel_m * np.array(LEGEND.size)
+        x, y = (low[0] + high[0]) / 2, low[1] - LEGEND.below * wide_m
 
         def at(aside: float, below: float) -> Floats:
             found: Floats = (x + aside) * axes.right + (y - below) * axes.up + depth * axes.out
             return found
 
         self._plane.move(at(-wide / 2, tall / 2), axes, LEFT, pixel_m)
-        self._end = at(wide / 2, pixel_m * _ROWS[0]), axes, RIGHT, pixel_m
+        self._end = at(wide / 2, pixel_m * LEGEND.rows[0]), axes, RIGHT, pixel_m
         self._put_clock()
         return np.stack([at(-wide / 2, tall), at(wide / 2, tall)])
 
@@ -92,26 +79,26 @@ def drawn(theme: Theme, scales: Scales) -> Any:
     """(height, width, 4), the legend but for the time."""
     from PIL import Image, ImageDraw
 
-    image = Image.new("RGBA", _SIZE, (*theme.words, 0))
+    image = Image.new("RGBA", LEGEND.size, (*theme.words, 0))
     pen = ImageDraw.Draw(image)
     _draw_bar(image, pen, theme, scales)
-    x = _draw_rings(pen, theme, scales, _BAR[2] + 88)
-    for row, colour, word in ((_ROWS[0], GREEN, "contact"), (_ROWS[1], VERMILION, "slip")):
+    x = _draw_rings(pen, theme, scales, LEGEND.bar[2] + 88)
+    for row, colour, word in ((LEGEND.rows[0], GREEN, "contact"), (LEGEND.rows[1], VERMILION, "slip")):
         pen.ellipse((x, row - 12, x + 24, row + 12), fill=(*colour, 255))
         _write(pen, theme, x + 38, row, word)
     x += 38 + 152
-    _draw_arrow(pen, theme.line, x, _ROWS[0])
-    _write(pen, theme, x + 80, _ROWS[0], "slip velocity")
+    _draw_arrow(pen, theme.line, x, LEGEND.rows[0])
+    _write(pen, theme, x + 80, LEGEND.rows[0], "slip velocity")
     if scales.moves:
-        _draw_arrow(pen, MAGENTA, x, _ROWS[1])
-        _write(pen, theme, x + 80, _ROWS[1], "motion of the object")
+        _draw_arrow(pen, MAGENTA, x, LEGEND.rows[1])
+        _write(pen, theme, x + 80, LEGEND.rows[1], "motion of the object")
     return np.asarray(image)
 
 
 def _draw_bar(image: Any, pen: Any, theme: Theme, scales: Scales) -> None:
     from PIL import Image, ImageDraw
 
-    left, top, right, bottom = _BAR
+    left, top, right, bottom = LEGEND.bar
     colours = ramp(theme.idle)[np.linspace(0, 255, right - left).astype(int)]
     bar = Image.fromarray(np.repeat(colours[np.newaxis], bottom - top, axis=0))
     mask = Image.new("L", bar.size, 0)
@@ -122,17 +109,17 @@ def _draw_bar(image: Any, pen: Any, theme: Theme, scales: Scales) -> None:
     if font().getlength(end) + 0.6 * font().getlength(middle) < 0.5 * wide:  # else they would touch
         marks.append((0.5, middle, "mm"))
     for share, words, anchor in marks:
-        pen.text((left + share * wide, _ROWS[1]), words, fill=(*theme.words, 255), font=font(), anchor=anchor)
+        pen.text((left + share * wide, LEGEND.rows[1]), words, fill=(*theme.words, 255), font=font(), anchor=anchor)
 
 
 def _draw_rings(pen: Any, theme: Theme, scales: Scales, x: int) -> int:
     """At x; returns where it ends."""
-    middle = sum(_ROWS) // 2
-    for k in range(RINGS):
-        radius = _RADIUS * (k + 1) // RINGS
-        box = (x + _RADIUS - radius, middle - radius, x + _RADIUS + radius, middle + radius)
+    middle = sum(LEGEND.rows) // 2
+    for k in range(ARROWS.rings):
+        radius = LEGEND.radius * (k + 1) // ARROWS.rings
+        box = (x + LEGEND.radius - radius, middle - radius, x + LEGEND.radius + radius, middle + radius)
         pen.ellipse(box, outline=(*theme.ring, 255), width=3)
-    words = ", ".join(number(1e3 * scales.ring_m_s * (k + 1)) for k in range(RINGS)) + " mm/s"
+    words = ", ".join(number(1e3 * scales.ring_m_s * (k + 1)) for k in range(ARROWS.rings)) + " mm/s"
     _write(pen, theme, x + 106, middle, words)
     return int(x + 106 + font().getlength(words) + 72)
 

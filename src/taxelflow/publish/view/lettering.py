@@ -10,17 +10,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from taxelflow.publish.view.look import NAMES
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.messages import Floats
     from taxelflow.publish.view.camera import Axes
     from taxelflow.publish.view.palette import Rgb
-
-EM = 32
-"""Size of letters in the planes, pixels: twice that on a usual screen, so that they stay sharp when it is near."""
-_EDGE = 4
-"""Empty pixels around words."""
 
 
 class Anchor(NamedTuple):
@@ -38,7 +35,7 @@ def font() -> Any:
     """Pillow's font at the size of letters."""
     from PIL import ImageFont
 
-    return ImageFont.load_default(EM)
+    return ImageFont.load_default(NAMES.em)
 
 
 def text_image(words: str, colour: Rgb) -> NDArray[np.uint8]:
@@ -47,9 +44,9 @@ def text_image(words: str, colour: Rgb) -> NDArray[np.uint8]:
 
     own = font()
     ascent, descent = own.getmetrics()
-    wide = int(np.ceil(own.getlength(words or " "))) + 2 * _EDGE
-    image = Image.new("RGBA", (wide, ascent + descent + 2 * _EDGE), (*colour, 0))  # of one colour up to the edges
-    ImageDraw.Draw(image).text((_EDGE, _EDGE), words, fill=(*colour, 255), font=own)
+    wide = int(np.ceil(own.getlength(words or " "))) + 2 * NAMES.edge
+    image = Image.new("RGBA", (wide, ascent + descent + 2 * NAMES.edge), (*colour, 0))  # of one colour up to the edges
+    ImageDraw.Draw(image).text((NAMES.edge, NAMES.edge), words, fill=(*colour, 255), font=own)
     return np.asarray(image)
 
 

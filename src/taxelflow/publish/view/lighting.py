@@ -7,30 +7,22 @@ that faces the key light. Curve and matrices: fit by Stephen Hill, as in three.j
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from taxelflow.publish.view.look import LIGHTS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.messages import Floats
     from taxelflow.publish.view.camera import Axes
+    from taxelflow.publish.view.look import Light
     from taxelflow.publish.view.palette import Rgb
 
 
-class _Light(NamedTuple):
-    """A light at infinity. along: where it is, along the axes of the picture."""
-
-    intensity: float
-    along: tuple[float, float, float]
-
-
-_KEY, _FILL = _Light(1.6, (-0.4, 0.5, 1.0)), _Light(0.9, (0.9, -0.7, 0.1))
-"""The second shines on what the first leaves dark."""
-_AMBIENT = 2.5
-"""Intensity. With that of the key light it decides the lightest colour, and how much darker sides of a taxel are."""
-_LIGHT = (_AMBIENT + _KEY.intensity * _KEY.along[2] / float(np.linalg.norm(_KEY.along))) / np.pi
+_LIGHT = (LIGHTS.ambient + LIGHTS.key.intensity * LIGHTS.key.along[2] / float(np.linalg.norm(LIGHTS.key.along))) / np.pi
 """Radiance of a white surface whose normal is z."""
 _EXPOSURE = 1 / 0.6
 """Of three.js's ACESFilmicToneMapping."""
@@ -48,13 +40,15 @@ def add_lights(scene: Any, axes: Axes, *, space: bool) -> None:
     """
     scene.configure_default_lights(False)
     scene.configure_environment_map(hdri=None)
-    scene.add_light_ambient("/lights/ambient", intensity=_AMBIENT)
-    scene.add_light_directional("/lights/key", intensity=_KEY.intensity, position=_position(_KEY, axes))
+    scene.add_light_ambient("/lights/ambient", intensity=LIGHTS.ambient)
+    scene.add_light_directional("/lights/key", intensity=LIGHTS.key.intensity, position=_position(LIGHTS.key, axes))
     if space:
-        scene.add_light_directional("/lights/fill", intensity=_FILL.intensity, position=_position(_FILL, axes))
+        scene.add_light_directional(
+            "/lights/fill", intensity=LIGHTS.fill.intensity, position=_position(LIGHTS.fill, axes)
+        )
 
 
-def _position(light: _Light, axes: Axes) -> tuple[float, ...]:
+def _position(light: Light, axes: Axes) -> tuple[float, ...]:
     return tuple(np.array(light.along) @ np.stack(axes))
 
 

@@ -1,4 +1,4 @@
-"""What the drawings of the object's motion on the flat hand and in space share: sizes, and the arrow of the twist."""
+"""What the drawings of the object's motion on the flat hand and in space share: thickness, and arrow of the twist."""
 
 from __future__ import annotations
 
@@ -6,25 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from taxelflow.publish.view.look import MOTION
 from taxelflow.publish.view.palette import MAGENTA
-
-STEPS = 60
-"""Pieces of the path, and of the arc that shows the rate of turn."""
-TURN_S = 0.5
-"""The arc, or sector, is what the object turns in this time."""
-MOST_RAD = 5.5
-"""Longest arc that is drawn: below a full turn, so that both of its ends are seen."""
-SIGMAS = 2.0
-"""Standard deviations that the ellipse, or ellipsoid, of the place reaches to."""
-WIDEST = 0.1
-"""Largest half axis of it that is drawn, as a share of the hand's size: a larger one is cut to this, and grey."""
-_THICK = 0.0055
-"""Thickness of the arc, as a share of the hand's size."""
 
 
 def thickness(size_m: float) -> float:
     """Thickness of the arc for a hand of this size."""
-    return _THICK * size_m
+    return MOTION.thick * size_m
 
 
 def twist_arrow(server: Any, size_m: float) -> Any:

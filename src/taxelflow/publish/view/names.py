@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from taxelflow.publish.view.lettering import EM, LEFT, RIGHT, TOP, Label
+from taxelflow.publish.view.lettering import LEFT, RIGHT, TOP, Label
+from taxelflow.publish.view.look import NAMES
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -13,10 +14,6 @@ if TYPE_CHECKING:
     from taxelflow.publish.view.placement import Placement
     from taxelflow.sensors.layout import Layout
 
-_FEW = 8
-"""Pads in space that have names: those of more would cover the taxels. Of more pads laid flat they are smaller."""
-_LARGE, _SMALL = 0.0195, 0.0165
-"""Size of the letters, as shares of the picture's width."""
 _ANCHORS = {"center-left": (1.5, LEFT), "center-right": (-1.5, RIGHT)}
 
 
@@ -25,10 +22,10 @@ class Names:
 
     def __init__(self, server: Any, layout: Layout, placement: Placement, radius_m: float) -> None:
         self._radius = radius_m
-        few = layout.pad_count <= _FEW
+        few = layout.pad_count <= NAMES.few
         self.crowded = placement.spatial and not few
         named = () if self.crowded else layout.pads[: layout.pad_count]
-        self._em = _LARGE if few else _SMALL
+        self._em = NAMES.large if few else NAMES.small
         self._words = [Label(server, f"/names/{pad}", name) for pad, name in enumerate(named)]
 
     def tint(self, colour: Rgb) -> None:
@@ -38,7 +35,7 @@ class Names:
 
     def move(self, spots: Floats, anchors: list[str], view: View) -> None:
         """Place each label beside its light at spots (pads, 3), on the side of its anchor, in front of the hand."""
-        axes, pixel_m = view.axes, self._em * view.wide_m / EM
+        axes, pixel_m = view.axes, self._em * view.wide_m / NAMES.em
         if len(spots):
             pixel_m *= view.nearer(spots.mean(axis=0))[1]  # all are equally large in the picture
         for words, spot, anchor in zip(self._words, spots, anchors, strict=False):

@@ -11,6 +11,7 @@ from taxelflow.publish.view import motion_marks as marks
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
 from taxelflow.publish.view.lighting import lit
+from taxelflow.publish.view.look import MOTION
 from taxelflow.publish.view.palette import GREY, MAGENTA
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ class ObjectMotion:
 
     def __init__(self, server: Any, size_m: float) -> None:
         self._size = size_m
-        none, thick = np.zeros((marks.STEPS, 2, 3)), marks.thickness(size_m)
+        none, thick = np.zeros((MOTION.steps, 2, 3)), marks.thickness(size_m)
         lines = server.scene.add_line_segments
         self._arc = lines("/object/turn", none, MAGENTA, thickness=thick, visible=False)
         self._path = lines("/object/path", none, MAGENTA, thickness=0.7 * thick, visible=False)
@@ -49,7 +50,9 @@ class ObjectMotion:
         self._arrow.visible = moves and float(np.hypot(*arrow[:2])) > 0.03 * self._size
         turns = _clear(motions.velocity[0, 2:], motions.velocity_covariance[0, 2:, 2:])
         self._arc.points = _arc(
-            origin, 0.07 * self._size, float(np.clip(omega * marks.TURN_S, -marks.MOST_RAD, marks.MOST_RAD))
+            origin,
+            0.07 * self._size,
+            float(np.clip(omega * MOTION.turn_s, -MOTION.most_rad, MOTION.most_rad)),
         )
         self._arc.visible = turns
         centre = motions.centre[0]
@@ -67,8 +70,8 @@ class ObjectMotion:
         self._draw_spread(here, results.motions.pose_covariance[0, :2, :2], height_m)
         self._path.visible = len(points) > 2
         if len(points) > 2:
-            chosen = points[np.linspace(0, len(points) - 1, marks.STEPS + 1).astype(int)]
-            places = np.column_stack([chosen, np.full(marks.STEPS + 1, height_m)])
+            chosen = points[np.linspace(0, len(points) - 1, MOTION.steps + 1).astype(int)]
+            places = np.column_stack([chosen, np.full(MOTION.steps + 1, height_m)])
             self._path.points = np.stack([places[:-1], places[1:]], axis=1)
 
     def _draw_spread(self, here: Floats, covariance: Floats, height_m: float) -> None:
@@ -77,8 +80,8 @@ class ObjectMotion:
         if not self._spread.visible:
             return
         variance, axes = np.linalg.eigh(covariance)
-        reach = marks.SIGMAS * np.sqrt(np.maximum(variance, 0.0))
-        most = marks.WIDEST * self._size
+        reach = MOTION.sigmas * np.sqrt(np.maximum(variance, 0.0))
+        most = MOTION.widest * self._size
         angle = 0.5 * np.arctan2(axes[1, 0], axes[0, 0])
         put(
             self._spread,
@@ -97,7 +100,7 @@ def _clear(velocity: Floats, covariance: Floats) -> bool:
 
 
 def _arc(origin: Floats, radius: float, angle_rad: float) -> Floats:
-    turn = np.linspace(0.0, angle_rad, marks.STEPS + 1)
-    ring = origin + radius * np.stack([np.cos(turn), np.sin(turn), np.zeros(marks.STEPS + 1)], axis=1)
+    turn = np.linspace(0.0, angle_rad, MOTION.steps + 1)
+    ring = origin + radius * np.stack([np.cos(turn), np.sin(turn), np.zeros(MOTION.steps + 1)], axis=1)
     segments: Floats = np.stack([ring[:-1], ring[1:]], axis=1)
     return segments

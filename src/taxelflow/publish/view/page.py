@@ -12,8 +12,8 @@ import numpy as np
 
 from taxelflow.publish.view.arrows import speed_of_ring
 from taxelflow.publish.view.camera import Camera
-from taxelflow.publish.view.charts import SHOWN_S
 from taxelflow.publish.view.framing import Framing
+from taxelflow.publish.view.look import PANEL, PLOTS
 from taxelflow.publish.view.palette import DARK, LIGHT, round_up
 from taxelflow.publish.view.panel import OBJECT, Heading, Panel
 from taxelflow.publish.view.player import Player
@@ -33,8 +33,6 @@ UPDATE_S = 1 / 30
 """The scene is drawn so often while something changes."""
 _PLOT_S, _GROW_S = 0.1, 1.0
 """Times between two plots, and between two looks at the highest pressures, by which the scale of a source grows."""
-_RENDER = (1080, 1920)
-"""Height and width of a saved picture at most."""
 
 
 class Page:
@@ -185,11 +183,11 @@ class Page:
 
     def _draw(self, snapshot: Snapshot) -> None:
         self.draws += 1
-        trail = self._results(snapshot.t_s - SHOWN_S, snapshot.t_s) if self.scene.follows else None
+        trail = self._results(snapshot.t_s - PLOTS.shown_s, snapshot.t_s) if self.scene.follows else None
         self.scene.show(snapshot, trail, self._compared(snapshot.t_s, snapshot.t_s))
 
     def _show_panel(self, snapshot: Snapshot) -> None:
-        history, since_s = self._chosen, snapshot.t_s - SHOWN_S
+        history, since_s = self._chosen, snapshot.t_s - PLOTS.shown_s
         if history.events is not self._listed:
             self._listed = history.events
             self.panel.strip.list(history.events)
@@ -285,7 +283,9 @@ class Page:
         if client is None:
             return
         high, wide = client.camera.image_height, client.camera.image_width
-        share = min(1.0, _RENDER[0] / high, _RENDER[1] / wide)  # of another form, its background would not fill it
+        share = min(
+            1.0, PANEL.saved[0] / high, PANEL.saved[1] / wide
+        )  # of another form, its background would not fill it
         height, width = round(share * high), round(share * wide)
         with BytesIO() as file:
             imwrite(file, client.get_render(height, width, transport_format="png", timeout=30.0), extension=".png")

@@ -9,9 +9,9 @@ import numpy as np
 from taxelflow.messages import QUALITY
 from taxelflow.publish.spatial import in_words
 from taxelflow.publish.view.charts import Charts, load_unit, shown_unit
+from taxelflow.publish.view.look import PANEL
 from taxelflow.publish.view.palette import DARK, ramp
 from taxelflow.publish.view.placement import IN_A_ROW, ON_LINKS, WORDS
-from taxelflow.publish.view.player import SPEEDS
 from taxelflow.publish.view.strip import Strip
 
 if TYPE_CHECKING:
@@ -27,10 +27,6 @@ OBJECT = "object (all pads)"
 _MARKS = {"assum": "assumed", "not published": "not published", "measured": "measured", "published": "published"}
 """Parts of a note on places, and what they mean; the first one counts."""
 NO_METHOD = "none"
-_MOST_ROWS = 8
-"""Pads in the table at most, those with the largest load."""
-_MAP_PIXELS = 240
-"""Longer side of the pressure map, at least."""
 
 
 class Heading(NamedTuple):
@@ -85,7 +81,7 @@ class Panel:
             buttons = gui.add_button_group("", ("play / pause", "- scan", "+ scan"))
             self.time = gui.add_slider("time, s", 0.0, 1.0, 0.001, 0.0)
             speed = gui.add_dropdown(
-                "speed", tuple(f"{value:g} x" for value in SPEEDS), initial_value=f"{player.speed:g} x"
+                "speed", tuple(f"{value:g} x" for value in PANEL.speeds), initial_value=f"{player.speed:g} x"
             )
 
         buttons.on_click(self._stepped)
@@ -236,7 +232,7 @@ def _table(pads: tuple[str, ...], results: Results | None, scale: float, unit: s
     touched = np.flatnonzero(slips.contact[0])
     if not len(touched):
         return "_no contact_"
-    most = touched[np.argsort(-slips.load[0, touched])][:_MOST_ROWS]
+    most = touched[np.argsort(-slips.load[0, touched])][: PANEL.table_rows]
     rows = []
     for pad in sorted(most):
         speed = 1e3 * float(np.hypot(*velocity[pad, :2]))
@@ -265,5 +261,5 @@ def _picture(pattern: LearnedPattern) -> Any:
     level = np.nan_to_num(pressure) / max(float(np.nanmax(pressure)), 1e-12)
     colours = ramp(DARK.idle)[(255 * np.clip(level, 0.0, 1.0)).astype(int)]
     image = np.dstack([colours, np.where(np.isfinite(pressure), 255, 0).astype(np.uint8)])
-    times = max(1, round(_MAP_PIXELS / max(image.shape[:2])))
+    times = max(1, round(PANEL.map / max(image.shape[:2])))
     return image.repeat(times, axis=0).repeat(times, axis=1)

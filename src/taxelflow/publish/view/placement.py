@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.geometry import rotation, transform
+from taxelflow.publish.view.look import CAMERA, ROOM
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -22,28 +23,6 @@ if TYPE_CHECKING:
 IN_SPACE, LAID_FLAT, IN_A_ROW, ON_LINKS = range(4)
 WORDS = ("with a pose in space", "laid flat", "set out: their places are not known", "on the links of the hand's model")
 """How the view describes the place of a pad."""
-
-
-_CLEAR = 0.25
-"""Length of the mean normal above which the skin has a front; below it, the pads are seen from the side."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Room:
-    """Room between pads and for their names."""
-
-    gap: float = 2.5
-    between: float = 6.5
-    """Space between pads beside and above one another (where lights and names are), in pitches of the coarsest."""
-    near: float = 2.2
-    """Taxels within this number of pitches define the tangent plane of a curved pad."""
-    name: tuple[float, float] = (0.06, 0.05)
-    """Room for the name of a pad, as shares of the hand's size."""
-    wide: float = 2.2
-    """Width over height that rows of pads are wrapped to."""
-
-
-_ROOM = _Room()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +52,7 @@ class Placement:
     @property
     def closed(self) -> bool:
         """Whether the pads face all directions, as around an object."""
-        return self.how[0] == IN_SPACE and bool(np.linalg.norm(self.normal.mean(axis=0)) < _CLEAR)
+        return self.how[0] == IN_SPACE and bool(np.linalg.norm(self.normal.mean(axis=0)) < CAMERA.front_mean_normal)
 
     @property
     def size_m(self) -> float:
@@ -111,7 +90,7 @@ def spots_of(layout: Layout, placement: Placement, radius_m: float) -> tuple[Flo
     low, high = np.array([own.min(axis=0) for own in pads]), np.array([own.max(axis=0) for own in pads])
     away = 0.75 * layout.pitch_m[: layout.pad_count].max(axis=1) + 1.6 * radius_m
     spots, anchors = (low + high) / 2, []
-    wide, tall = 0.5 * _ROOM.name[0] * placement.size_m, _ROOM.name[1] * placement.size_m
+    wide, tall = 0.5 * ROOM.name[0] * placement.size_m, ROOM.name[1] * placement.size_m
     for pad, here in enumerate(spots):
         left, right = here[0] - wide, here[0] + wide
         bottom, top = low[pad, 1] - away[pad] - tall, low[pad, 1] - away[pad]
@@ -133,7 +112,7 @@ def spots_in_space(layout: Layout, placement: Placement, radius_m: float, axes: 
     frame = np.stack(axes, axis=1)
     spots = np.array([_below(layout, placement, pad, radius_m, axes) @ frame for pad in range(layout.pad_count)])
     anchors = ["top-center"] * layout.pad_count
-    room = 0.65 * np.array(_ROOM.name) * placement.size_m  # nearer marks would cover each other
+    room = 0.65 * np.array(ROOM.name) * placement.size_m  # nearer marks would cover each other
     for pad, here in enumerate(spots):
         near = np.flatnonzero((np.abs(spots[:pad, :2] - here[:2]) < room).all(axis=1))
         if len(near):
@@ -162,7 +141,7 @@ def _set_out(T_scene_pad: Floats, names: tuple[str, ...], pads: list[Floats], pi
     missing = [int(pad) for pad in np.flatnonzero(~np.isfinite(T_scene_pad).all(axis=1))]
     if not missing:
         return
-    gap, between = _ROOM.gap * float(pitch_m.max()), _ROOM.between * float(pitch_m.max())
+    gap, between = ROOM.gap * float(pitch_m.max()), ROOM.between * float(pitch_m.max())
     known = [transform(T, pads[pad]) for pad, T in enumerate(T_scene_pad) if np.isfinite(T).all()]
     left = float(np.concatenate(known)[:, 0].min()) if known else 0.0
     top = float(np.concatenate(known)[:, 1].min()) - between if known else 0.0
@@ -170,7 +149,7 @@ def _set_out(T_scene_pad: Floats, names: tuple[str, ...], pads: list[Floats], pi
     stacks = _stacks(names, missing)
     wide = [max(sizes[pad][0] for pad in stack) + gap for stack in stacks]
     high = [sum(sizes[pad][1] + between for pad in stack) for stack in stacks]
-    width = max(np.sqrt(_ROOM.wide * sum(wide) * max(high)), *wide)
+    width = max(np.sqrt(ROOM.wide * sum(wide) * max(high)), *wide)
     right, tallest = left, 0.0
     for number, stack in enumerate(stacks):
         if right > left and right + wide[number] - left > width:
@@ -199,7 +178,7 @@ def tangents(xy: Floats, place: Floats, pitch_m: Floats) -> Floats:
     for taxel, here in enumerate(xy):
         apart = xy - here
         order = np.argsort(np.hypot(*apart.T))
-        near = max(4, int((np.hypot(*apart.T) < _ROOM.near * pitch_m.max()).sum()))
+        near = max(4, int((np.hypot(*apart.T) < ROOM.near * pitch_m.max()).sum()))
         own = order[:near]
         found[taxel] = np.linalg.lstsq(apart[own], place[own] - place[taxel], rcond=None)[0].T
     return found

@@ -8,21 +8,13 @@ import numpy as np
 
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
+from taxelflow.publish.view.look import PLATES
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.publish.view.placement import Placement
     from taxelflow.publish.view.shapes import Shape
     from taxelflow.sensors.layout import Layout
-
-_PLANE = 1e-3
-"""Largest difference of the unit normals of a plane pad."""
-_RIM, _THICK = 0.675, 0.18
-"""Of a plate beyond the middles of the outer taxels, and its thickness, in pitches."""
-_BELOW = 0.02
-"""Of its upper side below the taxels, in pitches."""
-_CORNERS = 12
-"""Of the outline about one taxel of a plate that is no rectangle."""
 
 
 class Plates:
@@ -41,7 +33,7 @@ class Plates:
                 alike.setdefault(key, []).append(pad)
         self._batches = []
         for number, (key, pads) in enumerate(alike.items()):
-            shape = _prism(outlines[key], _THICK * float(np.median(layout.pitch_m[pads[0]])))
+            shape = _prism(outlines[key], PLATES.thick * float(np.median(layout.pitch_m[pads[0]])))
             scales = np.ones((len(pads), 3))
             name = f"/plates/{number}"
             self._batches.append(
@@ -55,7 +47,7 @@ class Plates:
             first = [layout.of_pad(pad).start for pad in pads]
             normal, tangent = placement.normal[first], placement.tangent[first]
             local = np.stack([layout.x_m[first], layout.y_m[first]], axis=1)
-            below = _BELOW * np.median(layout.pitch_m[pads], axis=1)[:, np.newaxis]
+            below = PLATES.below * np.median(layout.pitch_m[pads], axis=1)[:, np.newaxis]
             origin = placement.place[first] - np.einsum("nij,nj->ni", tangent, local) - below * normal
             put(batch, batched_positions=origin, batched_wxyzs=shapes.along(normal, tangent[:, :, 0]))
 
@@ -66,15 +58,15 @@ class Plates:
 
 
 def _plane(normal: Floats) -> bool:
-    return bool(np.abs(normal - normal[0]).max() <= _PLANE)
+    return bool(np.abs(normal - normal[0]).max() <= PLATES.plane)
 
 
 def _outline(layout: Layout, pad: int) -> Floats:
     """(n, 2), anticlockwise, in the pad's frame."""
     own = layout.of_pad(pad)
-    xy, rim = np.stack([layout.x_m[own], layout.y_m[own]], axis=1), _RIM * layout.pitch_m[pad]
+    xy, rim = np.stack([layout.x_m[own], layout.y_m[own]], axis=1), PLATES.rim * layout.pitch_m[pad]
     if layout.tables[pad]:
-        turn = 2 * np.pi * (np.arange(_CORNERS) + 0.5) / _CORNERS
+        turn = 2 * np.pi * (np.arange(PLATES.corners) + 0.5) / PLATES.corners
         around = rim * np.stack([np.cos(turn), np.sin(turn)], axis=1)
         return _hull((xy[:, np.newaxis] + around).reshape(-1, 2))
     (left, bottom), (right, top) = xy.min(axis=0) - rim, xy.max(axis=0) + rim

@@ -12,9 +12,6 @@ if TYPE_CHECKING:
 
     from taxelflow.messages import Floats
 
-SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0)
-"""Playing speeds to choose from, over real time."""
-
 
 @dataclass
 class Player:

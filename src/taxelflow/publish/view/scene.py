@@ -8,14 +8,15 @@ import numpy as np
 
 from taxelflow.messages import LOST, NO_POSE, OK
 from taxelflow.publish.view import shapes
-from taxelflow.publish.view.arrows import RING, RINGS, Arrows
+from taxelflow.publish.view.arrows import Arrows
 from taxelflow.publish.view.articulation import fingers_of
 from taxelflow.publish.view.batch import add_batch, put
-from taxelflow.publish.view.camera import FOV_RAD, Camera, View, clearest, fitted, picture_axes, view_of
+from taxelflow.publish.view.camera import Camera, View, clearest, fitted, picture_axes, view_of
 from taxelflow.publish.view.charts import shown_unit
-from taxelflow.publish.view.hand_links import THROUGH, HandLinks
+from taxelflow.publish.view.hand_links import HandLinks
 from taxelflow.publish.view.legend import Legend, Scales
 from taxelflow.publish.view.lighting import add_lights, as_lit, lit
+from taxelflow.publish.view.look import ARROWS, CAMERA, LEGEND, LINKS, TAXELS
 from taxelflow.publish.view.names import Names
 from taxelflow.publish.view.object_motion import ObjectMotion
 from taxelflow.publish.view.palette import DARK, GREEN, GREY, VERMILION, Theme, ramp
@@ -28,27 +29,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Joints
     from taxelflow.publish.view.history import Results, Snapshot
     from taxelflow.sensors.sensor import Sensor
-
-_FLOOR = 0.06
-"""Height of a taxel without pressure, in pitches."""
-_RAISED = 1.5
-"""Height of a taxel at the top of the scale, in pitches."""
-_ABOVE = 0.6
-"""Of arrows over the highest taxel, in pitches."""
-_HIGHEST = 0.022
-"""Pitch that heights are made of at most, as a share of the hand's size: higher taxels would hide others."""
-ASPECT = 1.2
-"""Width over height of the narrowest usual page beside the panel, for which the camera is placed."""
-_FRONT = (0.0, -0.4, 0.917)
-"""Direction from the hand to the camera, if nothing speaks for another one."""
-_OVER = np.array([0.0, 0.0, 0.35])
-"""Added to the normal of a pad that the camera faces, so that it looks from above."""
-_PAD = 5.0
-"""Size of the hand over the smaller side of a pad at least, for the size of arrows: on a single pad they are larger."""
-_FULL = 1.22
-"""Height of hand and scales over that of the hand, about."""
-_SAME_WAY, _SAME_PLACE = 0.9994, 0.01
-"""Cosine of 2 degrees, by which a camera turns, and share of its distance by which it moves, before names follow it."""
 
 
 class Scene:
@@ -66,7 +46,7 @@ class Scene:
         self.theme: Theme = DARK
         self.top, self.ring_m_s = 1.0, 0.01
         self._pitch = float(np.median(self.layout.pitch_m[: self.layout.pad_count]))
-        self._high = min(self._pitch, _HIGHEST * self.placement.size_m)
+        self._high = min(self._pitch, TAXELS.pitch_share * self.placement.size_m)
         self._ramp = as_lit(ramp(self.theme.idle))
         self._last: tuple[Snapshot, Results | None, Results | None] | None = None
         scene, size, entries = server.scene, self.placement.size_m, len(self.layout.pads)
@@ -78,12 +58,12 @@ class Scene:
         self._add_taxels()
         self._body = self._add_body()
         self._links = HandLinks(server, self._fingers.links, size) if self._fingers is not None else None
-        seen_through = {} if self._links is None else {"opacity": THROUGH}
+        seen_through = {} if self._links is None else {"opacity": LINKS.opacity}
         self._plates = Plates(server, self.layout, self.placement, **seen_through)
         self._radius = min(0.0095 * size, 0.9 * self._pitch)
         self._lights = add_batch(server, "/lights_of_pads", shapes.disc(), self.layout.pad_count, flat_shading=True)
         self._names = Names(server, self.layout, self.placement, self._radius)
-        self._mark = mark = max(size, _PAD * self._narrow())
+        self._mark = mark = max(size, ARROWS.pads_across * self._narrow())
         self._arrows = Arrows(server, "/slip", entries, mark, rings=True)
         self._compared = Arrows(server, "/compared", entries, mark, wide=0.7, rings=False) if compares else None
         self.legend = Legend(server)
@@ -93,7 +73,7 @@ class Scene:
         self._view: View | None = None
         self._named, self._lit = False, (self.theme, b"", b"")  # how lights were drawn last
         self._put()
-        self.frame(self._front(), ASPECT)
+        self.frame(self._front(), CAMERA.aspect)
 
     def configure(self, *, theme: Theme | None = None, top: float | None = None, ring_m_s: float | None = None) -> None:
         """Change the look or the scales. top: Pa or counts; ring_m_s: m/s."""
@@ -118,12 +98,13 @@ class Scene:
         """Draw one scan. trail: results of the last seconds, for the object's path. compared: of a second method."""
         self._last = (snapshot, trail, compared)
         level = np.clip(snapshot.pressure / self.top, 0.0, 1.0)
-        results, raised_m = snapshot.results, (_ABOVE + _RAISED) * self._high
+        results, raised_m = snapshot.results, (TAXELS.arrows_above + TAXELS.raised) * self._high
         with self._server.atomic():
             if self._fingers is not None and self._fingers.moving:
                 self.placement = self._fingers.at(snapshot.t_s)
                 self._put()
-            heights = np.stack([np.ones_like(level), np.ones_like(level), _FLOOR + (_RAISED - _FLOOR) * level], axis=1)
+            high, flat = TAXELS.floor + (TAXELS.raised - TAXELS.floor) * level, np.ones_like(level)
+            heights = np.stack([flat, flat, high], axis=1)
             self._taxels.batched_colors = self._ramp[(255 * level).astype(int)]
             self._taxels.batched_scales = self._sizes * heights
             self._light(results)
@@ -134,7 +115,7 @@ class Scene:
                 colours = self._colours(compared, self.theme.second)
                 self._compared.draw(others, colours, self._per_speed_s, raised_m + 0.3 * self._high)
             if self._motion is not None:
-                self._motion.show(results, trail, self._high * (1.3 + _RAISED), self._per_speed_s)
+                self._motion.show(results, trail, self._high * (1.3 + TAXELS.raised), self._per_speed_s)
             if self._in_space is not None:
                 touched = vectors.start[vectors.touched]
                 middle = touched.mean(axis=0) if len(touched) else np.full(3, np.nan)
@@ -156,19 +137,19 @@ class Scene:
         if self._links is not None:
             points = np.concatenate([points, self._links.corners()])
         if not place.spatial:
-            outer = RING * RINGS * self._mark
+            outer = ARROWS.ring * ARROWS.rings * self._mark
             rings = place.place + outer * np.array([[[0.6, 0, 0]], [[-0.6, 0, 0]], [[0, 0.6, 0]]])
             points = np.concatenate([points, self.lights_m - (0.0, 3.5 * self._radius, 0.0), *rings])
         self._points = points
         wide, high = np.ptp(points @ np.stack(axes[:2], axis=1), axis=0)
-        wide_m = max(float(wide), _FULL * aspect * float(high))
+        wide_m = max(float(wide), LEGEND.height_share * aspect * float(high))
         points = np.concatenate([points, self.legend.place(points, axes, wide_m)])
         found, camera = fitted(points, direction, aspect), self._server.initial_camera
         self._view = view_of(found, self._points, wide_m)
         self._put()
         self.aspect, self.position = aspect, found.position
         far = float(np.linalg.norm(found.position - found.look_at))
-        camera.fov, camera.near, camera.far = FOV_RAD, far / 100, 100 * far
+        camera.fov, camera.near, camera.far = CAMERA.fov_rad, far / 100, 100 * far
         camera.up, camera.look_at, camera.position = (0.0, 0.0, 1.0), found.look_at, found.position
         return found
 
@@ -177,8 +158,8 @@ class Scene:
         if self._view is None:
             return
         view = view_of(camera, self._points, self._view.wide_m)
-        same = float(view.axes.out @ self._view.axes.out) > _SAME_WAY
-        if view.front_m <= 0 or (same and np.linalg.norm(view.eye - self._view.eye) < _SAME_PLACE * view.front_m):
+        same = float(view.axes.out @ self._view.axes.out) > np.cos(np.radians(CAMERA.same_turn_deg))
+        if view.front_m <= 0 or (same and np.linalg.norm(view.eye - self._view.eye) < CAMERA.same_place * view.front_m):
             return
         self._view = view
         with self._server.atomic():
@@ -194,14 +175,14 @@ class Scene:
         if not (self.placement.closed and weight.sum() > 0):
             return self._front()
         direction: Floats = weight @ self.placement.normal / weight.sum()
-        return np.asarray(direction / max(float(np.linalg.norm(direction)), shapes.NONE) + _OVER)
+        return np.asarray(direction / max(float(np.linalg.norm(direction)), shapes.NONE) + CAMERA.from_above)
 
     def facing(self, pad: str) -> Floats:
         """(3,), direction from which a pad is seen best: from above its skin, in space; else the usual one."""
         if not self.placement.spatial:
-            return np.array(_FRONT)
+            return np.array(CAMERA.front)
         own = self.layout.of_pad(self.layout.pads.index(pad))
-        return np.asarray(self.placement.normal[self.layout.source[own]].mean(axis=0) + _OVER)
+        return np.asarray(self.placement.normal[self.layout.source[own]].mean(axis=0) + CAMERA.from_above)
 
     @property
     def follows(self) -> bool:
@@ -211,19 +192,19 @@ class Scene:
     @property
     def _per_speed_s(self) -> float:
         """Length of an arrow over its speed."""
-        return RING * self._mark / self.ring_m_s
+        return ARROWS.ring * self._mark / self.ring_m_s
 
     def _front(self) -> Floats:
         """The usual direction of view: of fingers the clearest, of a skin in space between the front and its normal."""
         place = self.placement
         if not place.spatial:
-            return np.array(_FRONT)
+            return np.array(CAMERA.front)
         if self._fingers is not None:
             home = np.repeat(np.arange(self.layout.pad_count), np.diff(self.layout.starts[: self.layout.pad_count + 1]))
             return clearest(place.place, place.normal, home, self._pitch)
         mean: Floats = place.normal.mean(axis=0)
         length = float(np.linalg.norm(mean))
-        return np.array(_FRONT) if place.closed else np.asarray(mean / length + 0.6 * np.array(_FRONT))
+        return np.array(CAMERA.front) if place.closed else np.asarray(mean / length + 0.6 * np.array(CAMERA.front))
 
     def _narrow(self) -> float:
         """Smaller side of a usual pad, m."""
@@ -240,7 +221,7 @@ class Scene:
         wide = 0.9 * (np.sqrt(4 * layout.area_m2[: layout.taxels] / np.pi)[:, np.newaxis] if tables else pitch)
         wide = np.minimum(np.broadcast_to(wide, pitch.shape), 0.95 * pitch)
         self._sizes = np.column_stack([wide, np.full(layout.taxels, self._high)])
-        shape, scales = shapes.disc() if tables else shapes.box(), self._sizes * (1.0, 1.0, _FLOOR)
+        shape, scales = shapes.disc() if tables else shapes.box(), self._sizes * (1.0, 1.0, TAXELS.floor)
         self._taxels = add_batch(self._server, "/taxels", shape, layout.taxels, scales=scales, flat_shading=True)
 
     def _add_body(self) -> Any:
@@ -259,7 +240,7 @@ class Scene:
         self._plates.move(place)
         if self._names.crowded:  # beside one pad is another
             own = [layout.of_pad(pad) for pad in range(layout.pad_count)]
-            above = place.place + (_RAISED + 0.2) * self._high * place.normal
+            above = place.place + (TAXELS.raised + 0.2) * self._high * place.normal
             self.lights_m = np.array([above[each].mean(axis=0) for each in own])
             self._anchors: list[str] = []
         elif place.spatial:

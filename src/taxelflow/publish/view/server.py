@@ -9,6 +9,7 @@ from threading import Event
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.errors import ExtraMissing, ParameterInvalid
+from taxelflow.publish.view.look import PANEL
 from taxelflow.runtime.addresses import MOST_PORT
 from taxelflow.runtime.endpoints import authority, family_of
 
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
-PANEL_PIXELS = 400
-"""Width of the panel beside the scene."""
 _PREPARING = (
     "preparing: starting the estimate, reading the recording or source. The first time, kernels are compiled, "
     "for up to half a minute ..."
@@ -46,7 +45,7 @@ class PageServer:
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         gui.set_panel_label("taxelflow")
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(PANEL_PIXELS)
+        gui.main_panel.set_width(PANEL.wide)
         self._preparing = gui.add_markdown(_PREPARING)
         self._open, self.opened = True, Event()
         self.viser.on_client_connect(lambda _: self.opened.set())

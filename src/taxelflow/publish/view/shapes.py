@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from taxelflow.publish.view.look import BODY
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -14,14 +16,6 @@ if TYPE_CHECKING:
 
 NONE = 1e-9
 """Scale of what is not drawn: three.js cannot invert a scale of 0."""
-
-
-_SPARE, _LEAST = 0.95, 0.4
-"""Of a solid inside a skin: its size over that at which it would touch a taxel, and its least size over the skin's."""
-
-
-_ROUND = 24
-"""Sections of a turned solid."""
 
 
 class Shape(NamedTuple):
@@ -41,13 +35,13 @@ def box() -> Shape:
 
 def disc() -> Shape:
     """A cylinder of diameter 1 that stands on the origin."""
-    return _turned(((0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (0.0, 1.0)), _ROUND)
+    return _turned(((0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (0.0, 1.0)))
 
 
 def arrow(head: float, shaft: float) -> Shape:
     """An arrow that stands on the origin, tip up, its head of diameter 1. head: length. shaft: diameter."""
     thin, neck = 0.5 * shaft, 1.0 - head
-    return _turned(((0.0, 0.0), (thin, 0.0), (thin, neck), (0.5, neck), (0.0, 1.0)), _ROUND)
+    return _turned(((0.0, 0.0), (thin, 0.0), (thin, neck), (0.5, neck), (0.0, 1.0)))
 
 
 def ring(inner: float, high: float) -> Shape:
@@ -64,8 +58,8 @@ def inside(points: Floats) -> Shape | None:
     middle, out = whole.centroid, whole.face_normals
     reach = np.einsum("ij,ij->i", whole.triangles_center - middle, out)
     shares = ((points - middle) @ out.T / reach).max(axis=1)  # of its way to the hull, for each point
-    share = _SPARE * float(shares.min())
-    if share < _LEAST:
+    share = BODY.spare * float(shares.min())
+    if share < BODY.least:
         return None
     return Shape(middle + share * (np.asarray(whole.vertices) - middle), np.asarray(whole.faces))
 
@@ -93,8 +87,8 @@ def along(normal: Floats, x_axis: Floats) -> Floats:
     return SO3.from_matrix(frames).wxyz.astype(np.float64)
 
 
-def _turned(outline: Sequence[tuple[float, float]], sections: int) -> Shape:
-    """An outline of (radius, height), with its solid to the left, turned about the z axis."""
+def _turned(outline: Sequence[tuple[float, float]], sections: int = 24) -> Shape:
+    """An outline of (radius, height), with its solid to the left, turned about the z axis in a number of sections."""
     radius, height = np.array(outline).T
     turn = 2 * np.pi * np.arange(sections) / sections
     places = np.stack(

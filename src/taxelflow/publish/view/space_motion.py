@@ -16,18 +16,13 @@ from taxelflow.publish.view import motion_marks as marks
 from taxelflow.publish.view import shapes
 from taxelflow.publish.view.batch import add_batch, put
 from taxelflow.publish.view.lighting import lit
+from taxelflow.publish.view.look import MOTION
 from taxelflow.publish.view.palette import GREY, MAGENTA
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, SpatialMotions
 
-_ELLIPSES = 3
-"""Sections that stand for the ellipsoid, so that it hides no taxel."""
-_HIDES = 0.3
-"""A motion that cannot be seen hides a point's place if it moves the point by this share of a translation's length."""
-_RING = 36
-"""Pieces of the ring around an axis about which a turn cannot be seen."""
-_BLIND = 6 * (_RING + 1)
+_BLIND = 6 * (MOTION.blind_ring + 1)
 """Pieces of the marks of all motions that cannot be seen, six at most."""
 
 
@@ -38,16 +33,16 @@ class SpaceMotion:
 
     def __init__(self, server: Any, size_m: float) -> None:
         self._size = size_m
-        none, thick = np.zeros((marks.STEPS, 2, 3)), marks.thickness(size_m)
+        none, thick = np.zeros((MOTION.steps, 2, 3)), marks.thickness(size_m)
         lines = server.scene.add_line_segments
-        self._turn = lines("/object/turn", np.zeros((marks.STEPS + 2, 2, 3)), MAGENTA, thickness=thick, visible=False)
+        self._turn = lines("/object/turn", np.zeros((MOTION.steps + 2, 2, 3)), MAGENTA, thickness=thick, visible=False)
         self._axis = lines("/object/axis", none[:1], MAGENTA, thickness=0.5 * thick, visible=False)
         self._blind = lines("/object/unseen", np.zeros((_BLIND, 2, 3)), GREY, thickness=0.7 * thick, visible=False)
-        colours = np.tile(np.array(MAGENTA, dtype=np.uint8), (marks.STEPS, 2, 1))
+        colours = np.tile(np.array(MAGENTA, dtype=np.uint8), (MOTION.steps, 2, 1))
         self._path = lines("/object/path", none, colours, thickness=0.7 * thick, visible=False)
         self._arrow = marks.twist_arrow(server, size_m)
         self._spread = add_batch(
-            server, "/object/spread", shapes.ring(0.96, 1.0), _ELLIPSES, side="double", visible=False
+            server, "/object/spread", shapes.ring(0.96, 1.0), MOTION.ellipses, side="double", visible=False
         )
 
     def show(
@@ -77,7 +72,13 @@ class SpaceMotion:
         if not turns:
             return
         rate = float(np.linalg.norm(omega))
-        arc = _arc(middle, 0.1 * self._size, omega / rate, min(rate * marks.TURN_S, marks.MOST_RAD), marks.STEPS)
+        arc = _arc(
+            middle,
+            0.1 * self._size,
+            omega / rate,
+            min(rate * MOTION.turn_s, MOTION.most_rad),
+            MOTION.steps,
+        )
         sides = np.array([[middle, arc[0, 0]], [middle, arc[-1, 1]]])
         self._turn.points = np.concatenate([arc, sides])
         through = middle + np.cross(omega, speed) / rate**2
@@ -99,19 +100,19 @@ class SpaceMotion:
             return
         variance, axes = np.linalg.eigh(own)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
-        reach = marks.SIGMAS * np.sqrt(np.maximum(variance, 0.0))
-        drawn = np.clip(reach, shapes.NONE, marks.WIDEST * self._size)
-        colour = lit(GREY if reach.max() > marks.WIDEST * self._size else MAGENTA)
+        reach = MOTION.sigmas * np.sqrt(np.maximum(variance, 0.0))
+        drawn = np.clip(reach, shapes.NONE, MOTION.widest * self._size)
+        colour = lit(GREY if reach.max() > MOTION.widest * self._size else MAGENTA)
         put(
             self._spread,
-            batched_positions=np.tile(middle, (_ELLIPSES, 1)),
+            batched_positions=np.tile(middle, (MOTION.ellipses, 1)),
             batched_wxyzs=shapes.along(np.roll(axes.T, 1, axis=0), axes.T),
-            batched_scales=np.column_stack([drawn, np.roll(drawn, -1), np.full(_ELLIPSES, 1e-3)]),
-            batched_colors=np.tile(colour, (_ELLIPSES, 1)),
+            batched_scales=np.column_stack([drawn, np.roll(drawn, -1), np.full(MOTION.ellipses, 1e-3)]),
+            batched_colors=np.tile(colour, (MOTION.ellipses, 1)),
         )
 
     def _show_path(self, trail: SpatialMotions, middle: Floats) -> None:
-        path, observed = path_of(trail, middle, marks.STEPS + 1)
+        path, observed = path_of(trail, middle, MOTION.steps + 1)
         self._path.visible = bool(len(path))
         if len(path):
             known = (observed[:-1] & observed[1:])[:, np.newaxis, np.newaxis]
@@ -138,7 +139,7 @@ def path_of(trail: SpatialMotions, middle: Floats, most: int) -> tuple[Floats, B
     point = rotate(turn[-1] * (-1.0, -1.0, -1.0, 1.0), middle - place[-1])
     path = rotate(turn, point) + place
     hidden = trail.pose_blind[chosen, :, :3] + np.cross(trail.pose_blind[chosen, :, 3:], path[:, np.newaxis])
-    observed: Bools = np.asarray(np.linalg.norm(hidden, axis=2).max(axis=1) < _HIDES)
+    observed: Bools = np.asarray(np.linalg.norm(hidden, axis=2).max(axis=1) < MOTION.hides)
     return path, observed
 
 
@@ -156,7 +157,7 @@ def marks_of(blind: Floats, middle: Floats, size_m: float) -> Floats:
         off = point - middle
         far = float(np.linalg.norm(off))
         point = middle + off * min(1.0, 0.5 * size_m / max(far, shapes.NONE))
-        marks += [point + bar * along, _arc(point, 0.05 * size_m, along, 2 * np.pi, _RING)]
+        marks += [point + bar * along, _arc(point, 0.05 * size_m, along, 2 * np.pi, MOTION.blind_ring)]
     return np.concatenate(marks)
 
 

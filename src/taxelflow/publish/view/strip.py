@@ -2,35 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+
+from taxelflow.publish.view.look import STRIP
 
 if TYPE_CHECKING:
     from taxelflow.messages import Event
     from taxelflow.publish.view.player import Player
 
 MARKED = ("slip_start", "slip_suspected")
-
-
-@dataclass(frozen=True, slots=True)
-class _Size:
-    """Sizes and limits of the strip."""
-
-    wide: int = 372
-    names: int = 88
-    lane: int = 13
-    foot: int = 14
-    """Width of the strip, of the names in it, height of a lane and of the times below, pixels."""
-    most_lanes: int = 10
-    most_bars: int = 600
-    most_listed: int = 400
-    buttons: int = 3
-
-
-_SIZE = _Size()
 
 _PRESSED = (
     "const own=this.getBoundingClientRect(),track=document.querySelector('[role=slider]').parentElement,"
@@ -80,7 +63,7 @@ class Strip:
             for event in slips
         }
         self._words, self._marks = [*listed], [*listed.values()]
-        self._list.options = tuple(self._words[: _SIZE.most_listed]) or (_NONE,)
+        self._list.options = tuple(self._words[: STRIP.listed]) or (_NONE,)
         self._near = ()
 
     def show(self, at_s: float) -> None:
@@ -88,8 +71,8 @@ class Strip:
         player = self._player
         self._picture.content = strip_svg(self._events, player.first_s, player.last_s, at_s)
         after = int(np.searchsorted(self._marks, at_s + 1e-6))
-        begin = max(0, min(after - _SIZE.buttons // 2, len(self._words) - _SIZE.buttons))
-        near = (*_JUMPS, *self._words[begin : begin + _SIZE.buttons])
+        begin = max(0, min(after - STRIP.buttons // 2, len(self._words) - STRIP.buttons))
+        near = (*_JUMPS, *self._words[begin : begin + STRIP.buttons])
         if near != self._near:  # else a button would be replaced while it is clicked
             self._near = near
             self._buttons.options = near
@@ -133,24 +116,24 @@ def strip_svg(events: list[Event], first_s: float, last_s: float, at_s: float) -
 
     Of many pads those with an event near that time are shown.
     """
-    bars = bars_of(events, last_s)[-_SIZE.most_bars :]
+    bars = bars_of(events, last_s)[-STRIP.bars :]
     lanes = list(dict.fromkeys(bar.lane for bar in bars))
     if not lanes:
         return ""
     away = {lane: min(max(b.from_s - at_s, at_s - b.to_s, 0.0) for b in bars if b.lane == lane) for lane in lanes}
-    hidden, nearest = len(lanes) - _SIZE.most_lanes, sorted(lanes, key=lambda lane: away[lane])[: _SIZE.most_lanes]
+    hidden, nearest = len(lanes) - STRIP.lanes, sorted(lanes, key=lambda lane: away[lane])[: STRIP.lanes]
     lanes = [lane for lane in lanes if lane in nearest]
-    per_s = (_SIZE.wide - _SIZE.names) / max(last_s - first_s, 1e-9)
+    per_s = (STRIP.wide - STRIP.names) / max(last_s - first_s, 1e-9)
 
     def x(t_s: float) -> float:
-        return _SIZE.names + min(max(t_s - first_s, 0.0), last_s - first_s) * per_s
+        return STRIP.names + min(max(t_s - first_s, 0.0), last_s - first_s) * per_s
 
     parts = []
     for number, lane in enumerate(lanes):
-        middle = (number + 0.5) * _SIZE.lane
-        parts.append(f'<text x="{_SIZE.names - 5}" y="{middle + 3.5:.1f}" text-anchor="end">{escape(lane[:14])}</text>')
+        middle = (number + 0.5) * STRIP.lane
+        parts.append(f'<text x="{STRIP.names - 5}" y="{middle + 3.5:.1f}" text-anchor="end">{escape(lane[:14])}</text>')
         parts.append(
-            f'<path d="M{_SIZE.names} {middle}H{_SIZE.wide}" stroke="{_GREY}" stroke-opacity=".35" stroke-width=".7"/>'
+            f'<path d="M{STRIP.names} {middle}H{STRIP.wide}" stroke="{_GREY}" stroke-opacity=".35" stroke-width=".7"/>'
         )
         for bar in bars:
             if bar.lane == lane:
@@ -160,18 +143,18 @@ def strip_svg(events: list[Event], first_s: float, last_s: float, at_s: float) -
                     f'<rect x="{x(bar.from_s):.1f}" y="{middle - high / 2:.1f}" width="{wide:.1f}" '
                     f'height="{high}" rx="1" fill="{bar.colour}"/>'
                 )
-    foot = len(lanes) * _SIZE.lane + 10
+    foot = len(lanes) * STRIP.lane + 10
     more = f" (and {hidden} more pads)" if hidden > 0 else ""
-    parts.append(f'<text x="{_SIZE.names}" y="{foot}">0{more}</text>')
-    parts.append(f'<text x="{_SIZE.wide}" y="{foot}" text-anchor="end">{last_s - first_s:.3g} s</text>')
-    parts.append(f'<path d="M{x(at_s):.1f} 0V{len(lanes) * _SIZE.lane}" stroke="currentColor" stroke-width="1.2"/>')
+    parts.append(f'<text x="{STRIP.names}" y="{foot}">0{more}</text>')
+    parts.append(f'<text x="{STRIP.wide}" y="{foot}" text-anchor="end">{last_s - first_s:.3g} s</text>')
+    parts.append(f'<path d="M{x(at_s):.1f} 0V{len(lanes) * STRIP.lane}" stroke="currentColor" stroke-width="1.2"/>')
     parts.append(
-        f'<rect x="{_SIZE.names}" y="0" width="{_SIZE.wide - _SIZE.names}" height="{len(lanes) * _SIZE.lane}" '
+        f'<rect x="{STRIP.names}" y="0" width="{STRIP.wide - STRIP.names}" height="{len(lanes) * STRIP.lane}" '
         f'fill="transparent" style="cursor:pointer" onmousedown="{_PRESSED}"/>'
     )
-    high = len(lanes) * _SIZE.lane + _SIZE.foot
+    high = len(lanes) * STRIP.lane + STRIP.foot
     return (
-        f'<svg viewBox="0 0 {_SIZE.wide} {high}" style="display:block;width:100%;padding:0 .75em" font-size="9.5" '
+        f'<svg viewBox="0 0 {STRIP.wide} {high}" style="display:block;width:100%;padding:0 .75em" font-size="9.5" '
         f'fill="currentColor" font-family="sans-serif">{"".join(parts)}</svg>'
     )
 

@@ -17,9 +17,9 @@ from taxelflow.numerics.geometry import quaternion_of, se3_of
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.kinematics import model_text
 from taxelflow.simulation.mujoco.camera import View
-from taxelflow.simulation.mujoco.gripper_model import COUPLING_SOLREF, GAP_M
-from taxelflow.simulation.mujoco.plant import GRASPED, Actuator, Held, Plant, Truth
-from taxelflow.simulation.mujoco.scene import SHEET_M, add_contacts, mechanism, scene, sheet
+from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth
+from taxelflow.simulation.mujoco.plants import BARRETT, CONTACT, SOLVER
+from taxelflow.simulation.mujoco.scene import add_contacts, mechanism, scene, sheet
 from taxelflow.simulation.mujoco.skin import Skin
 
 if TYPE_CHECKING:
@@ -30,32 +30,6 @@ if TYPE_CHECKING:
 
 _PREFIX = "hand/"
 _FINGERS = ("f1", "f2", "f3")
-_SPREAD_RAD = 0.0
-"""Fingers 1 and 2 face finger 3."""
-_UP = (0.5, -0.5, -0.5, -0.5)
-"""Quaternion w, x, y, z of the hand in the world."""
-_VERTEX_M = 0.0015
-"""Largest distance of a sheet's vertices."""
-_COVER_M, _NOISE_PA = 0.002, 250.0
-"""Assumptions: spread of pressure in the cover, and noise of a reading."""
-_HALF_PAD_M = 0.005
-"""Half of a pad's thickness: a finger's pads lie 10 and 11 mm above its joints."""
-_BASE_M, _LINK_M, _OUTER_LINK_M = 0.035, 0.008, 0.05
-"""Radius of the palm's body and of a link, and length of an outer link, which is not published: to look at."""
-_KNUCKLE_KG = 0.1
-"""Mass of a link without a pad; no joint that moves carries it."""
-_PALM_GAP_M = 0.002
-"""Between the object and the palm."""
-_ARMATURE, _DAMPING = 3e-4, 0.03
-"""Inertia and damping of a finger's joint, kg m^2 and N m s: those of the gripper's jaw at 50 mm."""
-_LEVER_M, _LEVERS_M = 0.04, (0.01, 0.15)
-"""Torque of a finger over the force of the grip before anything is touched, and its limits."""
-_LEVER_S = 0.05
-"""Time constant with which the hand learns it."""
-_TOUCHED_N = 0.3
-"""Force from which on it does."""
-_FINGER = 0.1
-"""Least share of that force on each finger."""
 
 
 @dataclass
@@ -79,7 +53,7 @@ class BarrettHand:
         self._plant = Plant(self._spec, pads, self.held, self.actuator, rate_hz=self.rate_hz, seed=self.seed)
         self.model, self.data = self._plant.model, self._plant.data
         self._of_finger = [[n for n, pad in enumerate(self.sensor.pads) if f"finger{k}" in pad.name] for k in (1, 2, 3)]
-        self._lever_m = _LEVER_M
+        self._lever_m = BARRETT.lever_m
         self._open()
 
     @property
@@ -100,9 +74,9 @@ class BarrettHand:
     def scan(self, force_n: float, load: Load) -> tuple[Floats, Truth]:
         """Let one scan period pass with a commanded force of the grip (below 0: open); readings (162,) in kPa."""
         readings, truth = self._plant.scan(force_n, load, lambda due_n: self._lever_m * due_n)
-        if truth.force_n > _TOUCHED_N:
-            lever_m = float(np.clip(self.data.act.mean() / truth.force_n, *_LEVERS_M))
-            self._lever_m += min(1.0 / (self.rate_hz * _LEVER_S), 1.0) * (lever_m - self._lever_m)
+        if truth.force_n > BARRETT.touched_n:
+            lever_m = float(np.clip(self.data.act.mean() / truth.force_n, *BARRETT.levers_m))
+            self._lever_m += min(1.0 / (self.rate_hz * BARRETT.lever_s), 1.0) * (lever_m - self._lever_m)
         return np.concatenate(readings) / self.sensor.to_si, truth
 
     def pressure(self, pad: int, normal_n: float) -> Floats:
@@ -112,7 +86,9 @@ class BarrettHand:
     def grasps(self, truth: Truth, force_n: float) -> bool:
         """Whether the grip has half of that force or more, and each finger a tenth of that."""
         fingers = [truth.normal_n[own].sum() for own in self._of_finger]
-        return truth.force_n > GRASPED * force_n and bool(min(fingers) > _FINGER * GRASPED * force_n)
+        return truth.force_n > CONTACT.grasped * force_n and bool(
+            min(fingers) > BARRETT.finger * CONTACT.grasped * force_n
+        )
 
     def _spec(self, mujoco: Any) -> Any:
         """The world with the object, and the hand attached to it."""
@@ -121,21 +97,23 @@ class BarrettHand:
         shape = self.held.shape
         drives = {name: _PREFIX + name for name in _FINGERS}
         named = {name: f"{name}_sheet" for name in skins}
-        most_nm = _LEVERS_M[1] * self.actuator.max_n
+        most_nm = BARRETT.levers_m[1] * self.actuator.max_n
         moving = mechanism(drives, self.actuator.bandwidth_hz, most_nm, _coupled(), named)
         spec = mujoco.MjSpec.from_string(scene(shape, self.held.inertial(), sheets, moving))
         palm_m = next(pad.pose[2] for pad in self.sensor.pads if pad.link == "base" and pad.pose)
-        place = [0.0, -(shape.back_m + _PALM_GAP_M + palm_m), 0.0]
-        spec.attach(_hand(mujoco, self.sensor), frame=spec.worldbody.add_frame(pos=place, quat=_UP), prefix=_PREFIX)
+        place = [0.0, -(shape.back_m + BARRETT.palm_gap_m + palm_m), 0.0]
+        spec.attach(
+            _hand(mujoco, self.sensor), frame=spec.worldbody.add_frame(pos=place, quat=BARRETT.up), prefix=_PREFIX
+        )
         for pad in self.sensor.pads:
             _add_pad(mujoco, spec, pad, skins[pad.name])
         add_contacts(spec, [pad.name for pad in self.sensor.pads], self.held.friction)
         for equality in spec.equalities:
-            equality.solref[:] = COUPLING_SOLREF
+            equality.solref[:] = SOLVER.coupling_solref
         _add_links(mujoco, spec, palm_m)
         for name in _FINGERS:
             joint = spec.joint(_PREFIX + name)
-            joint.damping[0], joint.armature = _DAMPING, _ARMATURE
+            joint.damping[0], joint.armature = BARRETT.damping, BARRETT.armature
         return spec
 
     def _open(self) -> None:
@@ -157,7 +135,7 @@ class BarrettHand:
             self.data.qpos[address], self.data.qpos[outer] = angle, ratios * angle
             mujoco.mj_kinematics(self.model, self.data)
             apart = [mujoco.mj_geomDistance(self.model, self.data, a, b, 1.0, None) for a in pads for b in things]
-            if min(apart) < GAP_M:
+            if min(apart) < CONTACT.gap_m:
                 break
         mujoco.mj_forward(self.model, self.data)
 
@@ -170,9 +148,9 @@ def skin_of(pad: Pad, sensor: Sensor) -> Skin:
         pad.rows,
         pad.cols,
         pad.pitch_m[0],
-        fine=int(np.ceil(pad.pitch_m[0] / _VERTEX_M)),
-        cover_m=_COVER_M,
-        noise_pa=_NOISE_PA,
+        fine=int(np.ceil(pad.pitch_m[0] / BARRETT.vertex_m)),
+        cover_m=BARRETT.cover_m,
+        noise_pa=BARRETT.noise_pa,
         full_scale_pa=sensor.full_scale * sensor.to_si,
         missing=pad.missing,
     )
@@ -180,7 +158,7 @@ def skin_of(pad: Pad, sensor: Sensor) -> Skin:
 
 def _coupled() -> str:
     """Equalities: the spread stays, and fingers 2 and 3 close as finger 1. The outer joints' are the URDF's."""
-    fixed = f'<joint joint1="{_PREFIX}spread" polycoef="{_SPREAD_RAD} 0 0 0 0"/>'
+    fixed = f'<joint joint1="{_PREFIX}spread" polycoef="{BARRETT.spread_rad} 0 0 0 0"/>'
     followers = "".join(f'<joint joint1="{_PREFIX}{name}" joint2="{_PREFIX}{_FINGERS[0]}"/>' for name in _FINGERS[1:])
     return fixed + followers
 
@@ -198,14 +176,16 @@ def _add_links(mujoco: Any, spec: Any, palm_m: float) -> None:
     rgba, free = [0.75, 0.75, 0.78, 1.0], {"contype": 0, "conaffinity": 0}
     cylinder, capsule = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_CAPSULE
     for body in [one for one in spec.bodies if one.name.startswith(_PREFIX)]:
-        mass, root = (0.0 if body.geoms else _KNUCKLE_KG), body.name == f"{_PREFIX}base"
+        mass, root = (0.0 if body.geoms else BARRETT.knuckle_kg), body.name == f"{_PREFIX}base"
         if root:
-            half_m = palm_m / 2 - _HALF_PAD_M
-            body.add_geom(type=cylinder, size=[_BASE_M, half_m, 0], pos=[0, 0, half_m], mass=mass, rgba=rgba, **free)
+            half_m = palm_m / 2 - BARRETT.half_pad_m
+            body.add_geom(
+                type=cylinder, size=[BARRETT.base_m, half_m, 0], pos=[0, 0, half_m], mass=mass, rgba=rgba, **free
+            )
             continue
-        end = body.bodies[0].pos if body.bodies else [-_OUTER_LINK_M, 0.0, 0.0]
+        end = body.bodies[0].pos if body.bodies else [-BARRETT.outer_link_m, 0.0, 0.0]
         line = [0.0, 0.0, 0.0, *end]
-        body.add_geom(type=capsule, fromto=line, size=[_LINK_M, 0, 0], mass=mass, rgba=rgba, **free)
+        body.add_geom(type=capsule, fromto=line, size=[BARRETT.link_m, 0, 0], mass=mass, rgba=rgba, **free)
 
 
 def _add_pad(mujoco: Any, spec: Any, pad: Pad, skin: Skin) -> None:
@@ -218,12 +198,16 @@ def _add_pad(mujoco: Any, spec: Any, pad: Pad, skin: Skin) -> None:
     def at(z_m: float) -> dict[str, Any]:
         return {"pos": T[:3, 3] + z_m * T[:3, 2], "quat": quat}
 
-    half = [skin.cols * skin.pitch_m / 2, skin.rows * skin.pitch_m / 2, _HALF_PAD_M]
+    half = [skin.cols * skin.pitch_m / 2, skin.rows * skin.pitch_m / 2, BARRETT.half_pad_m]
     still = {"contype": 0, "conaffinity": 0}
     touching = {"contype": 2, "conaffinity": 0}  # a tactile sensor needs one that collides; this one does in pairs only
     box, mesh = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_MESH
     grey = [0.15, 0.15, 0.17, 1.0]
-    body.add_geom(name=f"{pad.name}_pad", type=box, size=half, mass=0.04, rgba=grey, **at(-_HALF_PAD_M), **touching)
+    body.add_geom(
+        name=f"{pad.name}_pad", type=box, size=half, mass=0.04, rgba=grey, **at(-BARRETT.half_pad_m), **touching
+    )
     sheet_name = f"{pad.name}_sheet"
-    body.add_geom(name=f"{pad.name}_skin", type=mesh, meshname=sheet_name, mass=0.0, group=4, **at(SHEET_M), **still)
+    body.add_geom(
+        name=f"{pad.name}_skin", type=mesh, meshname=sheet_name, mass=0.0, group=4, **at(CONTACT.sheet_m), **still
+    )
     body.add_site(name=pad.name, group=4, **at(0.0))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from taxelflow.errors import GraphicsMissing
+from taxelflow.simulation.mujoco.plants import PICTURE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -16,12 +17,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.messages import Floats
-
-_MOST_GEOMS = 500
-"""Shapes that MuJoCo has room for in a picture."""
-_ARROW_M, _NEARER = 0.0015, 0.5
-"""Radius of an arrow's shaft, and how much of the way to the camera arrows are brought nearer, so that nothing hides
-them; they stay where they are in the picture."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +66,7 @@ class Camera:
 
         self._mujoco: Any = mujoco
         self._grip, self._context = grip, _context(height, width)
-        self._scene = mujoco.MjvScene(grip.model, _MOST_GEOMS)
+        self._scene = mujoco.MjvScene(grip.model, PICTURE.most_geoms)
         self._renderer = mujoco.MjrContext(grip.model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
         self._options, self._view = mujoco.MjvOption(), mujoco.MjvCamera()
@@ -107,8 +102,8 @@ class Camera:
         kind, size, place = mujoco.mjtGeom.mjGEOM_ARROW, np.zeros(3), np.zeros(3)
         mujoco.mjv_initGeom(geom, kind, size, place, np.eye(3).ravel(), rgba)
         eye = np.mean([self._scene.camera[side].pos for side in (0, 1)], axis=0)
-        start_m, end_m = (place_m + _NEARER * (eye - place_m) for place_m in (arrow.start_m, arrow.end_m))
-        mujoco.mjv_connector(geom, kind, _ARROW_M, start_m, end_m)
+        start_m, end_m = (place_m + PICTURE.nearer * (eye - place_m) for place_m in (arrow.start_m, arrow.end_m))
+        mujoco.mjv_connector(geom, kind, PICTURE.arrow_m, start_m, end_m)
         self._scene.ngeom += 1
 
     def close(self) -> None:

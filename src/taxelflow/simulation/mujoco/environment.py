@@ -12,15 +12,14 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.simulation.mujoco.events import END_S, LIFTED_S, STANDARD_EVENTS
+from taxelflow.simulation.mujoco.events import STANDARD_EVENTS
 from taxelflow.simulation.mujoco.objects import STANDARD_OBJECTS
 from taxelflow.simulation.mujoco.plant import Actuator
+from taxelflow.simulation.mujoco.plants import TRIAL
 from taxelflow.simulation.mujoco.skin import Skin
-from taxelflow.simulation.mujoco.trial import DROPPED_M, FORCE_COST, NEAR_M, Rehearsal, Trial
+from taxelflow.simulation.mujoco.trial import Rehearsal, Trial
 
 ID = "taxelflow/GripHold-v0"
-_LOST = -10.0
-"""Reward of the loss of the object, which ends the episode."""
 _MOST_SEED = 2**31
 """Seeds of trials that are drawn are below this."""
 Observation = dict[str, NDArray[np.float32]]
@@ -89,9 +88,9 @@ class GripHold(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._slid_m = slid_m
         excess = max(moment.truth.force_n / self._least_n(moment.truth.t_s) - 1.0, 0.0)
         dt_s = 1.0 / rehearsal.plant.rate_hz
-        lost = slid_m >= DROPPED_M
-        reward = -abs(slid_m - before_m) / NEAR_M - FORCE_COST * excess * dt_s + lost * _LOST
-        over = rehearsal.t_s >= END_S - 1e-9
+        lost = slid_m >= TRIAL.dropped_m
+        reward = -abs(slid_m - before_m) / TRIAL.near_m - TRIAL.force_cost * excess * dt_s + lost * TRIAL.lost
+        over = rehearsal.t_s >= TRIAL.end_s - 1e-9
         return self._seen(moment.readings, force_n), reward, lost, over and not lost, self._info()
 
     def render(self) -> Any:
@@ -116,7 +115,7 @@ class GripHold(gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def _least_n(self, t_s: float) -> float:
         """Least force per pad that holds; that of the whole weight while the support still carries some of it."""
-        return self._started().trial.least_n(max(t_s, LIFTED_S))
+        return self._started().trial.least_n(max(t_s, TRIAL.lifted_s))
 
     def _seen(self, readings: NDArray[np.float64], force_n: float) -> Observation:
         parts = {

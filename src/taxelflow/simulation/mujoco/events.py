@@ -9,12 +9,11 @@ import numpy as np
 
 from taxelflow.errors import NameUnknown
 from taxelflow.numerics.gravity import G_M_S2
+from taxelflow.simulation.mujoco.plants import TRIAL
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
-LIFT_S, LIFTED_S, EVENT_S, END_S = 0.8, 1.0, 1.3, 4.3
-"""Times of a trial: the support begins to go, and is gone; the event begins; the trial ends."""
 
 EVENTS = {
     "pour": "the mass grows to a multiple",
@@ -76,12 +75,12 @@ class Happening:
     def load(self, t_s: float) -> Load:
         """What acts at a time of the trial. The gripper's own acceleration is part of gravity, which it feels alike."""
         gravity, pull, mass = np.zeros(3), np.zeros(3), self.mass_kg
-        gravity[2] = -G_M_S2 * np.clip((t_s - LIFT_S) / (LIFTED_S - LIFT_S), 0.0, 1.0)
-        since_s = max(t_s - EVENT_S, 0.0)
+        gravity[2] = -G_M_S2 * np.clip((t_s - TRIAL.lift_s) / (TRIAL.lifted_s - TRIAL.lift_s), 0.0, 1.0)
+        since_s = max(t_s - TRIAL.event_s, 0.0)
         more = min(since_s / self.ramp_s, 1.0) * (self.times - 1.0)
         if self.event == "pour":
             mass *= 1.0 + more
-        elif self.event == "double" and t_s > EVENT_S - 1e-9:
+        elif self.event == "double" and t_s > TRIAL.event_s - 1e-9:
             mass *= 2.0
         elif self.event == "pull":
             pull[1:] = more * mass * G_M_S2 * np.array([np.sin(self.angle_rad), -np.cos(self.angle_rad)])
@@ -92,6 +91,6 @@ class Happening:
 
     def lasting_n(self, t_s: float) -> float:
         """The tangential force that a grip at this time has to carry; of a shake its peak."""
-        if self.event == "shake" and t_s > EVENT_S:
+        if self.event == "shake" and t_s > TRIAL.event_s:
             return self.mass_kg * G_M_S2 * (1.0 + self.shake_g)
         return self.load(t_s).tangential_n()

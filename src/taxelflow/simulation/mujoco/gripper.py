@@ -11,7 +11,8 @@ from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.simulation.mujoco.camera import View
 from taxelflow.simulation.mujoco.gripper_model import SIDES, mjcf
-from taxelflow.simulation.mujoco.plant import GRASPED, Actuator, Held, Plant, Truth
+from taxelflow.simulation.mujoco.plant import Actuator, Held, Plant, Truth
+from taxelflow.simulation.mujoco.plants import CONTACT, GRIPPER
 from taxelflow.simulation.mujoco.scene import add_contacts
 from taxelflow.simulation.mujoco.skin import Skin
 
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.simulation.mujoco.events import Load
 
-_JAW_M = 0.025
-"""Place of a pad in the sensor's description; the jaws move, and only their directions matter."""
 _FACING = ((0.5, 0.5, 0.5, 0.5), (0.5, -0.5, -0.5, 0.5))
 """Quaternions of the pads: z out of the skin to the other pad, y up, x along world y and against it."""
 
@@ -69,7 +68,7 @@ class Gripper:
 
     def grasps(self, truth: Truth, force_n: float) -> bool:
         """Whether each pad has half of that force or more."""
-        return bool((truth.normal_n > GRASPED * force_n).all())
+        return bool((truth.normal_n > CONTACT.grasped * force_n).all())
 
     def _spec(self, mujoco: Any) -> Any:
         spec = mujoco.MjSpec.from_string(mjcf(self.held.shape, self.held.inertial(), self.skin, self.actuator))
@@ -82,6 +81,6 @@ def sensor_of(skin: Skin) -> Sensor:
     pitch = (skin.pitch_m, skin.pitch_m)
     pads = tuple(
         Pad(side, rows=skin.rows, cols=skin.cols, pitch_m=pitch, pose=(x_m, 0.0, 0.0, *quaternion))
-        for side, x_m, quaternion in zip(SIDES, (-_JAW_M, _JAW_M), _FACING, strict=True)
+        for side, x_m, quaternion in zip(SIDES, (-GRIPPER.jaw_m, GRIPPER.jaw_m), _FACING, strict=True)
     )
     return Sensor("two-pad-gripper", "Pa", pads, full_scale=skin.full_scale_pa, unseen_error=0.0)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from taxelflow.simulation.mujoco.scene import SHEET_M, mechanism, scene, sheet
+from taxelflow.simulation.mujoco.plants import CONTACT, SOLVER
+from taxelflow.simulation.mujoco.scene import mechanism, scene, sheet
 
 if TYPE_CHECKING:
     from taxelflow.simulation.mujoco.objects import Shape
@@ -16,11 +17,7 @@ if TYPE_CHECKING:
     from taxelflow.simulation.mujoco.skin import Skin
 
 SIDES = ("left", "right")
-COUPLING_SOLREF = (0.004, 1.0)
-"""Time constant, s, and damping ratio of the constraint between coupled joints."""
-_COUPLED = '<joint joint1="left" joint2="right" solref="{:g} {:g}"/>'.format(*COUPLING_SOLREF)
-GAP_M = 0.012
-"""Between an open pad and the object."""
+_COUPLED = '<joint joint1="left" joint2="right" solref="{:g} {:g}"/>'.format(*SOLVER.coupling_solref)
 
 
 def mjcf(shape: Shape, inertial: str, skin: Skin, actuator: Actuator) -> str:
@@ -28,11 +25,11 @@ def mjcf(shape: Shape, inertial: str, skin: Skin, actuator: Actuator) -> str:
     half_x, half_y = skin.cols * skin.pitch_m / 2, skin.rows * skin.pitch_m / 2
     pads = "".join(
         f"""
-    <body name="{side}" pos="{sign * (shape.half_m + GAP_M)} 0 0">
+    <body name="{side}" pos="{sign * (shape.half_m + CONTACT.gap_m)} 0 0">
       <joint name="{side}" type="slide" axis="{-sign} 0 0" damping="20" range="-0.05 0.06"/>
       <geom name="{side}_pad" type="box" size="0.006 {half_x} {half_y}" pos="{sign * 0.006} 0 0" mass="0.08"
         rgba="0.15 0.15 0.17 1"/>
-      <geom name="{side}_skin" type="mesh" mesh="skin" pos="{-sign * SHEET_M} 0 0" xyaxes="0 {-sign} 0 0 0 1"
+      <geom name="{side}_skin" type="mesh" mesh="skin" pos="{-sign * CONTACT.sheet_m} 0 0" xyaxes="0 {-sign} 0 0 0 1"
         contype="0" conaffinity="0" group="4" mass="0"/>
       <site name="{side}" xyaxes="0 {-sign} 0 0 0 1" group="4"/>
       <geom type="box" size="0.008 0.012 {half_y + 0.03}" pos="{sign * 0.02} 0 0.03" rgba="0.75 0.75 0.78 1"

@@ -15,7 +15,7 @@ from taxelflow.errors import ExtraMissing, ParameterInvalid
 from taxelflow.numerics.geometry import se3_inverse
 from taxelflow.runtime.checks import positive
 from taxelflow.simulation.mujoco.camera import Viewed
-from taxelflow.simulation.mujoco.scene import TIMESTEP_S
+from taxelflow.simulation.mujoco.plants import CONTACT, SOLVER
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -28,10 +28,6 @@ if TYPE_CHECKING:
 
 GYRATION_M2 = 0.05**2 / 3
 """Moment of inertia over mass, that of a cube of 71 mm."""
-GRASPED = 0.5
-"""Least share of a commanded force that is a grasp."""
-_SLIDING_M_S = 1e-3
-"""Speed from which on kinetic friction acts, where it differs from static."""
 
 
 @dataclass(frozen=True)
@@ -159,9 +155,9 @@ class Plant:
         except ImportError as error:
             raise ExtraMissing("sim", "mujoco") from error
         self._mujoco: Any = mujoco
-        steps = 1.0 / rate_hz / TIMESTEP_S
+        steps = 1.0 / rate_hz / SOLVER.timestep_s
         if not (steps >= 1 and abs(steps - round(steps)) < 1e-6):
-            raise ParameterInvalid("rate_hz", rate_hz, f"divide {1 / TIMESTEP_S:g} Hz, the rate of the solver")
+            raise ParameterInvalid("rate_hz", rate_hz, f"divide {1 / SOLVER.timestep_s:g} Hz, the rate of the solver")
         self._steps, self._held, self._actuator = round(steps), held, actuator
         spec = build(mujoco)
         if held.shape.mesh:
@@ -199,7 +195,7 @@ class Plant:
         self.model.opt.disableflags |= off  # depths cost more than a step, and only the last are read
         for step in range(self._steps):
             if self._held.kinetic != 1.0:
-                factor = self._held.kinetic if self._speed() > _SLIDING_M_S else 1.0
+                factor = self._held.kinetic if self._speed() > CONTACT.sliding_m_s else 1.0
                 self.model.pair_friction[:, :2] = factor * self._held.friction
             if step == self._steps - 1:
                 self.model.opt.disableflags &= ~off

@@ -11,36 +11,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taxelflow.simulation.mujoco.plants import CONTACT, SOLVER
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from taxelflow.simulation.mujoco.objects import Shape
     from taxelflow.simulation.mujoco.skin import Skin
 
-TIMESTEP_S = 0.0005
-"""So short that the contacts' damping, which the solver treats explicitly, is stable for a face with many contacts."""
 _OPTION = (
-    f'<option timestep="{TIMESTEP_S}" gravity="0 0 0" cone="elliptic" impratio="100" noslip_iterations="10" '
+    f'<option timestep="{SOLVER.timestep_s}" gravity="0 0 0" cone="elliptic" impratio="100" noslip_iterations="10" '
     'noslip_tolerance="0" integrator="implicitfast"/>'
 )
-NORMAL_SOLREF, FRICTION_SOLREF = (-4.0e4, -1000.0), (-1e-9, -20.0)
-"""Stiffness and damping of a pad's contact over the effective mass, 1/s^2 and 1/s: along the normal, and of friction.
-
-MuJoCo's friction is convex: a contact that slides at v opens like one whose normal acceleration is mu times the
-damping of friction times v. With the normal's damping in both, pads opened until the object slid without contact.
-The softness (1 mm at 2 N) lets the depths of the vertices show the object's shape. The damping of the normal keeps
-the pads from squealing.
-"""
-IMPEDANCE = 0.33
-"""Of the contacts: so low that their stiffness, and not friction's dilation, decides how deep they are."""
-SHEET_M = 0.0015
-"""How far the sheet that measures depth lies before the pad's face: deeper than any skin is pressed.
-
-The skin is what is left of these depths when they are lowered to balance the force. On the face itself, narrow ribs
-are 0.1 mm deep and fall between the vertices.
-"""
-TORSION_M, ROLLING_M = 0.003, 0.0001
-"""Torsional and rolling friction of a contact, m."""
 
 
 def scene(shape: Shape, inertial: str, sheets: str, mechanism: str, fixtures: str = "") -> str:
@@ -99,9 +81,9 @@ def add_contacts(spec: Any, pads: Sequence[str], friction: float) -> None:
         geom.name = f"object{number}"
         for pad in pads:
             pair = spec.add_pair(geomname1=f"{pad}_pad", geomname2=geom.name, condim=4)
-            pair.friction[:] = [friction, friction, TORSION_M, ROLLING_M, ROLLING_M]
-            pair.solref[:], pair.solreffriction[:] = NORMAL_SOLREF, FRICTION_SOLREF
-            pair.solimp[:2] = IMPEDANCE
+            pair.friction[:] = [friction, friction, CONTACT.torsion_m, CONTACT.rolling_m, CONTACT.rolling_m]
+            pair.solref[:], pair.solreffriction[:] = CONTACT.normal_solref, CONTACT.friction_solref
+            pair.solimp[:2] = CONTACT.impedance
 
 
 def sheet(name: str, skin: Skin) -> str:

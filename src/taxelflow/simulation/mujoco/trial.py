@@ -9,10 +9,11 @@ import numpy as np
 
 from taxelflow.numerics.gravity import G_M_S2
 from taxelflow.runtime.checks import at_least, not_negative
-from taxelflow.simulation.mujoco.events import END_S, LIFT_S, Happening
+from taxelflow.simulation.mujoco.events import Happening
 from taxelflow.simulation.mujoco.hands import check_objects, grip
 from taxelflow.simulation.mujoco.objects import shape
 from taxelflow.simulation.mujoco.plant import Actuator, Held
+from taxelflow.simulation.mujoco.plants import TRIAL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -20,19 +21,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.simulation.mujoco.plant import Grip, Truth
     from taxelflow.simulation.mujoco.skin import Skin
-
-OPEN_S, CLOSED_S = 0.15, 0.5
-"""Until when the pads stay open, so that noise is learned, and from when on the first force is commanded."""
-CLOSING_N = 3.0
-"""Force that closes the pads: a faster pad would sink into the object."""
-HANDOVER_S = LIFT_S
-"""From when on the controller commands the force."""
-DROPPED_M = 0.03
-"""An object that slid so far is lost: a pad is 32 mm high."""
-NEAR_M, FORCE_COST = 0.005, 0.25
-"""Slid distance that costs 1, and cost of a force of twice the least."""
-_LEVER_M = 0.03
-"""Offset of the centre of mass from the pads in a trial of a commanded turn."""
 
 
 @dataclass(frozen=True)
@@ -63,14 +51,14 @@ class Trial:
     def to_slide(cls, seed: int, kind: str, event: str) -> Trial:
         """A trial of a commanded slide: held firmly, and nothing happens."""
         trial = cls.drawn(seed, kind, event)
-        return replace(trial, first_n=1.3 * trial.least_n(END_S))
+        return replace(trial, first_n=1.3 * trial.least_n(TRIAL.end_s))
 
     @classmethod
     def to_pivot(cls, seed: int, kind: str, event: str) -> Trial:
         """A trial of a commanded turn: held firmly, the centre of mass 30 mm beside the pads."""
         trial = cls.drawn(seed, kind, event)
-        held = replace(trial.held, offset_m=(_LEVER_M, 0.0))
-        return replace(trial, held=held, first_n=6.0 * trial.least_n(END_S))
+        held = replace(trial.held, offset_m=(TRIAL.lever_m, 0.0))
+        return replace(trial, held=held, first_n=6.0 * trial.least_n(TRIAL.end_s))
 
     def least_n(self, t_s: float) -> float:
         """Force per pad that just carries the load at a time, if friction has not to carry a moment as well."""
@@ -112,9 +100,9 @@ class Rehearsal:
 
     def start(self) -> Iterator[Moment]:
         """Open, close with 3 N, settle at the first force: all scans before the handover."""
-        while self.t_s < HANDOVER_S - 1e-9:
+        while self.t_s < TRIAL.lift_s - 1e-9:
             t_s, first_n = self.t_s, self.trial.first_n
-            moment = self.step(-5.0 if t_s < OPEN_S else CLOSING_N if t_s < CLOSED_S else first_n)
+            moment = self.step(-5.0 if t_s < TRIAL.open_s else TRIAL.closing_n if t_s < TRIAL.closed_s else first_n)
             self.grasped = self.plant.grasps(moment.truth, first_n)
             yield moment
 

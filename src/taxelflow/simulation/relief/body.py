@@ -17,14 +17,22 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.simulation.relief.parameters import Object
 
-_CELLS = 360
-"""Cells of the raster along each axis."""
-_HALF = 1.3
-"""Half its side over half the object's size: beyond it the object is too deep to touch."""
-_TOUCHABLE = 0.9
-"""Share of the deepest height below which nothing touches."""
-_TOUCHES = 0.8
-"""Depth, in heights of the relief, down to which the area's centroid defines the body's origin."""
+
+@dataclass(frozen=True, slots=True)
+class _Raster:
+    """Raster of the height map."""
+
+    cells: int = 360
+    """Cells of the raster along each axis."""
+    half: float = 1.3
+    """Half its side over half the object's size: beyond it the object is too deep to touch."""
+    touchable: float = 0.9
+    """Share of the deepest height below which nothing touches."""
+    touches: float = 0.8
+    """Depth, in heights of the relief, down to which the area's centroid defines the body's origin."""
+
+
+_RASTER = _Raster()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,18 +67,18 @@ class Body:
 
 def body_of(thing: Object) -> Body:
     """The object's raster. The load point is the centroid of the area near its top, so that it can stand."""
-    nodes = np.linspace(-_HALF, _HALF, _CELLS)
+    nodes = np.linspace(-_RASTER.half, _RASTER.half, _RASTER.cells)
     s, t = np.meshgrid(nodes, nodes)
     height = height_of(thing.shape, s, t, thing.seed)
     height = height - height.max()
-    near = np.maximum(height + _TOUCHES, 0.0)
+    near = np.maximum(height + _RASTER.touches, 0.0)
     centroid = np.array([np.sum(near * s), np.sum(near * t)]) / near.sum()
-    touching = height > -_TOUCHABLE * DEEPEST
+    touching = height > -_RASTER.touchable * DEEPEST
     away = np.hypot(s[touching] - centroid[0], t[touching] - centroid[1])
     half_m = thing.size_m / 2
     return Body(
         height_m=thing.relief_m * np.maximum(height, -DEEPEST),
-        half_m=_HALF * half_m,
+        half_m=_RASTER.half * half_m,
         centre_m=-centroid * half_m,
         lowest_m=-DEEPEST * thing.relief_m,
         reach_m=half_m * (float(away.max()) + nodes[1] - nodes[0]),

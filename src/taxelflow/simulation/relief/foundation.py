@@ -14,13 +14,21 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.simulation.relief.parameters import Skin
 
-_POINTS = 32_000
-"""Points of a grid, about: ten a pitch along each axis of a 16x16 pad. Readings are then within some 0.3 % of the
-largest one of what a much finer grid gives, 0.04 % RMS."""
-_MARGIN = 1.0
-"""Width of the skin beyond the outermost taxels' centres, pitches."""
-_NEGLIGIBLE = 1e-7
-"""Weight of a point below which a taxel does not read it."""
+
+@dataclass(frozen=True, slots=True)
+class _Points:
+    """Points of the skin."""
+
+    count: int = 32_000
+    """Points of a grid, about: ten a pitch along each axis of a 16x16 pad. Readings are then within some 0.3 % of the
+    largest one of what a much finer grid gives, 0.04 % RMS."""
+    margin: float = 1.0
+    """Width of the skin beyond the outermost taxels' centres, pitches."""
+    negligible: float = 1e-7
+    """Weight of a point below which a taxel does not read it."""
+
+
+_POINTS = _Points()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,13 +52,13 @@ def foundation_of(layout: Layout, pad: int, skin: Skin) -> Foundation:
     own = layout.of_pad(pad)
     pitch_m, square = layout.pitch_m[pad], bool(layout.tables[pad])
     places = np.stack([layout.x_m[own], layout.y_m[own]])
-    extent = np.ptp(places, axis=1) / pitch_m + 2 * _MARGIN
-    a_pitch = max(3, round(np.sqrt(_POINTS / float(np.prod(extent)))))
+    extent = np.ptp(places, axis=1) / pitch_m + 2 * _POINTS.margin
+    a_pitch = max(3, round(np.sqrt(_POINTS.count / float(np.prod(extent)))))
     step = pitch_m / a_pitch
     sides = np.sqrt(layout.area_m2[own]) if square else np.ones(own.stop - own.start)
     axes, spread, flat = [], [], []
     for axis in (0, 1):
-        start = places[axis].min() - _MARGIN * pitch_m[axis]
+        start = places[axis].min() - _POINTS.margin * pitch_m[axis]
         centres = start + step[axis] * (np.arange(round(extent[axis] * a_pitch)) + 0.5)
         half = skin.active_share * (sides if square else pitch_m[axis] * sides) / 2
         weights = _overlap(places[axis], half, centres, step[axis])
@@ -73,5 +81,5 @@ def _overlap(centre: Floats, half: Floats, points: Floats, step: float) -> Float
 def _product(along: list[Floats]) -> csr_array:
     """Weights (taxels, points) of rectangles from those along x (taxels, nx) and y (taxels, ny)."""
     whole = along[1][:, :, np.newaxis] * along[0][:, np.newaxis, :]
-    whole[whole < _NEGLIGIBLE] = 0.0
+    whole[whole < _POINTS.negligible] = 0.0
     return csr_array(whole.reshape(len(whole), -1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -32,12 +33,20 @@ if TYPE_CHECKING:
 
     Indices = NDArray[np.int64]
 
-_LEAST_N = 0.01
-"""The force from which it is searched for, N."""
-_AT_ONCE = 12
-"""Scans that are solved together: few, for they touch about the same points, and only those are computed with."""
-_GAP = 3.0
-"""Height below the top, in heights of the relief, from which a point is taken not to touch; checked afterwards."""
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """How the balance is searched, and with what."""
+
+    least_n: float = 0.01
+    """The force from which it is searched for, N."""
+    scans: int = 12
+    """Scans that are solved together: few, for they touch about the same points, and only those are computed with."""
+    gap: float = 3.0
+    """Height below the top, in heights of the relief, from which a point is taken not to touch; checked afterwards."""
+
+
+_SEARCH = _Search()
 
 
 def simulate_relief(pressing: Pressing, sensor: Sensor, pad: str) -> Recording:
@@ -115,7 +124,7 @@ class _Press:
 
     def _nominal(self, middle: Floats) -> float:
         """The force in N that presses `peak_pa` on one taxel: doubled until it is above, then by bisection."""
-        low, high = _LEAST_N, np.inf
+        low, high = _SEARCH.least_n, np.inf
         for _ in range(30):
             force_n = 2 * low if high == np.inf else (low + high) / 2
             pressure, self._start = self._settled(middle, np.array([[force_n, 0.0, 0.0]]), self._start)
@@ -133,14 +142,14 @@ class _Press:
         pressure, state = np.zeros((len(distinct), len(self._skin.x_m))), start[chosen]
         loaded = np.flatnonzero(distinct[:, 3] > 0)
         near = self._body.near(self._skin.x_m, self._skin.y_m, distinct[loaded, :2])
-        for some in np.array_split(loaded, max(1, -(-len(loaded) // _AT_ONCE))):
+        for some in np.array_split(loaded, max(1, -(-len(loaded) // _SEARCH.scans))):
             pressure[np.ix_(some, near)], state[some] = self._pressed(distinct[some], state[some], near)
         which = which.ravel()
         return pressure[which], state[which]
 
     def _pressed(self, asked: Floats, start: Floats, near: Indices) -> tuple[Floats, Floats]:
         """Pressures (times, n) on the points `near` and states (times, 3). asked: (times, 6), poses and loads."""
-        skin, tilts, gap_m = self._asked.skin, self._asked.object.tilts, _GAP * self._asked.object.relief_m
+        skin, tilts, gap_m = self._asked.skin, self._asked.object.tilts, _SEARCH.gap * self._asked.object.relief_m
         sites = self._sites(asked[:, :3], near)
         touched = np.asarray((sites.height_m > -gap_m).any(axis=0))
         state = settle(skin, sites.at(touched), asked[:, 3:], start, tilts)

@@ -24,8 +24,18 @@ _NOTHING = 10.0
 """Scans of less strength may be noise; one that is stronger by `FAINT` is not."""
 _LEAST_GAIN_STD = 0.05
 """Least standard deviation of the gain from scan to scan, as a share of it."""
-_MATURE, _SETTLED = 10, 0.05
-"""Keyframes, and variance in pitches^2, from and up to which a pattern is known well."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """When a pattern is known well."""
+
+    keyframes: int = 10
+    variance: float = 0.05
+    """Keyframes, and variance in pitches^2, from and up to which a pattern is known well."""
+
+
+_KNOWN = _Known()
 
 
 @dataclass(slots=True, eq=False)
@@ -102,7 +112,7 @@ class LocalMap:
     @property
     def mature(self) -> bool:
         """Whether the pattern is known well enough to look for it elsewhere."""
-        known = len(self.keyframes) >= _MATURE and self.slack[0] < _SETTLED
+        known = len(self.keyframes) >= _KNOWN.keyframes and self.slack[0] < _KNOWN.variance
         return not self.changing and known and self.error <= COARSE
 
     def is_noise_beside(self, reading: Floats, variance: Floats) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,12 +44,23 @@ _FAR = 1.0
 """In place of `NEAR` for contacts whose size varies: what the size leaves unexplained seems to move them."""
 _DECIDE, MORE = 4, 1.5
 """Keyframes from which hypotheses are compared; and factor of keyframes after which work on them is worth repeating."""
-_REPORTED = 0.1
-"""Share of the first slack from which on a turn is reported: that of a pattern on which two more fits have agreed."""
-_CUT_SLACK = 0.5
-"""What is added to the first slack, times the share of the load that lies at the border."""
-_MOST_SLACK, _FORGET = (1.0, 0.3), 0.2
-"""Largest slack; and what stays of that before when keyframes have hardly moved."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Slack:
+    """How the slack of a map is learned."""
+
+    reported: float = 0.1
+    """Share of the first slack from which on a turn is reported: that of a pattern on which two more fits have
+    agreed."""
+    cut: float = 0.5
+    """What is added to the first slack, times the share of the load that lies at the border."""
+    most: tuple[float, float] = (1.0, 0.3)
+    forget: float = 0.2
+    """Largest slack; and what stays of that before when keyframes have hardly moved."""
+
+
+_SLACK = _Slack()
 _STRANGE = 2.0
 """How many times what still fits a keyframe may be from the others."""
 _YOUNG_ROUNDS = 6
@@ -75,7 +86,7 @@ def first_pattern(
     learned = learn(
         LocalMap(covering(scanned, state), Keyframes(scanned, state, state), 1.0, gains, unseen_error=unseen_error)
     )
-    learned.slack[0] += _CUT_SLACK * most_whole(learned.keyframes)[1]
+    learned.slack[0] += _SLACK.cut * most_whole(learned.keyframes)[1]
     return learned
 
 
@@ -95,7 +106,7 @@ def _forgetting(known: LocalMap) -> LocalMap:
     old, most = known.keyframes, slice(-MEMORY, None)
     keyframes = Keyframes(old.scanned.taken(most), old.states[most], old.angled[most])
     new = _filled(known, keyframes)
-    slack = np.minimum(known.slack + FIRST_SLACK, _MOST_SLACK)
+    slack = np.minimum(known.slack + FIRST_SLACK, _SLACK.most)
     return replace(new, error=COARSE, usual=GATE, gain_std=FIRST_GAIN_STD, slack=slack, changing=True)
 
 
@@ -125,7 +136,7 @@ def _learn(known: LocalMap) -> LocalMap:
     states, origin, off = align_gauge(before, best, scanned, turned)
     slack = np.full(2, FIRST_SLACK) if best.grows and not known.grows else _slack(known, off)
     shown = known.shown if looked == known.looked else best.shown
-    reports_turn = best.turns and shown and (known.reports_turn or bool(slack[1] < _REPORTED * FIRST_SLACK))
+    reports_turn = best.turns and shown and (known.reports_turn or bool(slack[1] < _SLACK.reported * FIRST_SLACK))
     new = replace(
         known,
         pattern=pattern,
@@ -175,7 +186,7 @@ def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:
     information = information_of(best.pattern, own, with_depth(states, best.depth[last]), error, precision, level)
     tilted = without_tilt(information, best.pattern, own, states, error, tilt_std)
     more = covariance_of(tilted) - covariance_of(information)
-    return float(np.clip(np.median(0.5 * (more[:, 0, 0] + more[:, 1, 1])), 0.0, _MOST_SLACK[0]))
+    return float(np.clip(np.median(0.5 * (more[:, 0, 0] + more[:, 1, 1])), 0.0, _SLACK.most[0]))
 
 
 def _without_strangers(new: LocalMap, best: Solved) -> LocalMap:
@@ -257,5 +268,5 @@ def _slack(known: LocalMap, off: Floats) -> Floats:
     if not len(fresh):
         return known.slack
     wrong = np.array([np.mean(fresh[:, :2] ** 2), np.mean(states_of(fresh).theta ** 2)])
-    slack: Floats = np.maximum(wrong, _FORGET * known.slack)
+    slack: Floats = np.maximum(wrong, _SLACK.forget * known.slack)
     return slack

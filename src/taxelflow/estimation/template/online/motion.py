@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from taxelflow.estimation.template.online.track_state import Track
@@ -9,10 +11,18 @@ from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of
 from taxelflow.runtime.compiling import lean_kernel
 
-_MOVES, _SETTLES_S = 0.15, 0.2
-"""An object rests if it is within this many pitches of its low-passed place, whose time constant this is."""
-_PERSISTS_S = 1.0
-"""Time constant of the mean products of consecutive steps, from which persistence is estimated."""
+
+class _Moving(NamedTuple):
+    """When an object rests, and how it goes on."""
+
+    moves: float = 0.15
+    settles_s: float = 0.2
+    """An object rests if it is within this many pitches of its low-passed place, whose time constant this is."""
+    persists_s: float = 1.0
+    """Time constant of the mean products of consecutive steps, from which persistence is estimated."""
+
+
+_MOVING = _Moving()
 
 
 @lean_kernel
@@ -21,8 +31,8 @@ def is_at_rest(m: Track, span: float) -> bool:
     now = state_of(m.state)
     away = np.hypot(now.x - m.place[0], now.y - m.place[1])
     away += m.radius * abs(now.theta - m.place[2])
-    still = m.continues and away < _MOVES + 3.0 * np.sqrt(1.0 / m.step[0, 0] + 1.0 / m.step[1, 1])
-    follows = 1.0 - np.exp(-span / _SETTLES_S) if m.continues else 1.0
+    still = m.continues and away < _MOVING.moves + 3.0 * np.sqrt(1.0 / m.step[0, 0] + 1.0 / m.step[1, 1])
+    follows = 1.0 - np.exp(-span / _MOVING.settles_s) if m.continues else 1.0
     for a in range(3):
         m.place[a] += follows * (m.state[a] - m.place[a])
     return bool(still)
@@ -32,7 +42,7 @@ def is_at_rest(m: Track, span: float) -> bool:
 def update_motion(t: float, span: float, last: Floats, middle: Floats, m: Track) -> None:
     """Update velocity, persistence, and the centre of pressure that the next scan is predicted from."""
     if span > 0.0:
-        faded, product, square = np.exp(-span / _PERSISTS_S), 0.0, 0.0
+        faded, product, square = np.exp(-span / _MOVING.persists_s), 0.0, 0.0
         for a in range(3):
             speed, arm = (m.state[a] - last[a]) / span, m.radius if a == 2 else 1.0
             product += arm * arm * speed * m.speed[a]

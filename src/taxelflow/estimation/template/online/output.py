@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, MISTAKEN, MOST_UNEXPLAINED, fits
@@ -35,15 +37,31 @@ from taxelflow.numerics.rounding import BLURRED, NEGLIGIBLE
 from taxelflow.numerics.small_linalg import eigenvalues2, factor5, solved5
 from taxelflow.runtime.compiling import lean_kernel
 
-_FAR_OFF = 10.0
-"""Chi-square over the usual above which a scan does not fit at all."""
-_PATIENCE, _MOST_POOR = 5, 20
-"""After this many scans in a row that do not fit, they are learned from, and the pattern is given up: the latter only
-where they do not fit at all, for a pattern that changes is learned again."""
-_LEAP = 1.5
-"""A scan that moves this many radii and pitches at once is not believed."""
-_LOUDER = 0.5
-"""A change of the gain's logarithm by this much counts as a pitch."""
+
+class _Unfit(NamedTuple):
+    """Scans that do not fit."""
+
+    far: float = 10.0
+    """Chi-square over the usual above which a scan does not fit at all."""
+    learned: int = 5
+    given_up: int = 20
+    """After this many scans in a row that do not fit, they are learned from, and the pattern is given up: the latter
+    only where they do not fit at all, for a pattern that changes is learned again."""
+
+
+_UNFIT = _Unfit()
+
+
+class _Leap(NamedTuple):
+    """Motion that is not believed."""
+
+    pitches: float = 1.5
+    """A scan that moves this many radii and pitches at once is not believed."""
+    louder: float = 0.5
+    """A change of the gain's logarithm by this much counts as a pitch."""
+
+
+_LEAP = _Leap()
 
 
 @lean_kernel
@@ -89,14 +107,14 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
     else:
         rows.quality[k, pad] = UNRESOLVED if m.strange else rows.quality[k, pad]
         _add_poor(m)
-        if m.poor >= _PATIENCE or m.keyframes < YOUNG_KEYFRAMES:
+        if m.poor >= _UNFIT.learned or m.keyframes < YOUNG_KEYFRAMES:
             m.flag = NOVEL
     if unsure:
         m.flag = NOTHING  # a pattern must not learn from where it is not
     if state_of(m.state).gain > FAINT and m.keyframes < YOUNG_KEYFRAMES:
         m.flag = NOVEL
-    given_up = m.poor >= _MOST_POOR and m.unexplained > KNOWN_UNEXPLAINED
-    if moved > _LEAP * (1.0 + m.radius) or given_up:
+    given_up = m.poor >= _UNFIT.given_up and m.unexplained > KNOWN_UNEXPLAINED
+    if moved > _LEAP.pitches * (1.0 + m.radius) or given_up:
         m.flag = GONE
         rows.quality[k, pad] = LOST
 
@@ -105,11 +123,11 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
 def _add_poor(m: Track) -> None:
     """Count a scan that does not fit, by how little it does."""
     if m.unexplained > MOST_UNEXPLAINED:
-        m.poor += _MOST_POOR / MISTAKEN
-    elif m.chi / m.usual > _FAR_OFF:
+        m.poor += _UNFIT.given_up / MISTAKEN
+    elif m.chi / m.usual > _UNFIT.far:
         m.poor += 2.0
     else:
-        m.poor = max(m.poor, min(m.poor + 1.0, _PATIENCE))
+        m.poor = max(m.poor, min(m.poor + 1.0, _UNFIT.learned))
 
 
 @lean_kernel
@@ -171,7 +189,7 @@ def _shown(m: Track) -> bool:
         if dx * dx + dy * dy >= NEAR * NEAR:
             continue
         apart = np.sqrt(dx * dx + dy * dy) + m.radius * abs(now.theta - shown.theta)
-        apart += abs(np.log(now.gain / shown.gain)) * NEAR / _LOUDER
+        apart += abs(np.log(now.gain / shown.gain)) * NEAR / _LEAP.louder
         close += 1 if apart < NEAR else 0
         if close == SAME:
             return True

@@ -15,6 +15,8 @@ poorly, its pose relies more on the previous scan.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from taxelflow.estimation.template.linearization import Packed, linearise, look_up
@@ -26,10 +28,18 @@ from taxelflow.numerics.robust import FITS
 from taxelflow.numerics.small_linalg import mirror
 from taxelflow.runtime.compiling import lean_kernel
 
-_TIME_S, _LENGTH = 1.0, 0.3
-"""In which a residual decays: s, pitches."""
-_BEYOND = 0.1
-"""Standard deviation of the pressure just beyond the lattice, as a share of the peak."""
+
+class _Residual(NamedTuple):
+    """Residuals of taxels, which stay and move with the object for a while."""
+
+    time_s: float = 1.0
+    length: float = 0.3
+    """In which a residual decays: s, pitches."""
+    beyond: float = 0.1
+    """Standard deviation of the pressure just beyond the lattice, as a share of the peak."""
+
+
+_RESIDUAL = _Residual()
 
 
 @lean_kernel
@@ -51,7 +61,7 @@ def predict(span: float, moved: float, rest: Floats, scan: PadScan, out: Floats)
 @lean_kernel
 def decay(span: float, moved: float) -> float:
     """The factor a, after a span (s) and a motion (pitches)."""
-    return float(np.exp(-span / _TIME_S - moved / _LENGTH))
+    return float(np.exp(-span / _RESIDUAL.time_s - moved / _RESIDUAL.length))
 
 
 @lean_kernel
@@ -96,7 +106,7 @@ def update(
         model = 0.0 if off else gain * q
         own = error * error + gain * gain * values[1, i]
         if off:
-            own = max(reading * reading, (_BEYOND * peak) ** 2)
+            own = max(reading * reading, (_RESIDUAL.beyond * peak) ** 2)
         r = reading - brought[0, i] if brought.shape[1] else 0.0
         if variance == 0.0:  # nothing is known, but what there was dies away
             rest[0, i], rest[1, i], rest[2, i] = r, 0.0, own

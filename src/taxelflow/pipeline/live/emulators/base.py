@@ -31,6 +31,8 @@ FAULTS = {
     "taxel-count": 0.0,
 }
 """Faults by name, with their default extent: s away, s of silence, s of silence, s by which the clock jumps."""
+POLL_S = 0.02
+"""Time between two looks whether a reader has come."""
 _GARBAGE_BYTES = 37
 """Length of what is sent instead of a scan."""
 USUAL = {

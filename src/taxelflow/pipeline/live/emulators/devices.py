@@ -14,6 +14,7 @@ import numpy as np
 from taxelflow.acquire.devices import barrett, dsa, inspire, xela
 from taxelflow.acquire.devices.frames import crc_table
 from taxelflow.errors import ExtraMissing
+from taxelflow.pipeline.live.emulators.base import POLL_S
 from taxelflow.pipeline.live.emulators.streams import Pty
 from taxelflow.runtime.endpoints import authority, family_of, listening, place_of
 
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
-
-_POLL_S = 0.02
-"""Time between two looks whether a peer has come."""
 
 
 class WebSocketServer:
@@ -53,13 +51,13 @@ class WebSocketServer:
 
     def __exit__(self, *_details: object) -> None:
         self._ended.set()
-        time.sleep(_POLL_S)
+        time.sleep(POLL_S)
         self._server.shutdown()
 
     def wait(self) -> None:
         """See `Emulator`."""
         while not self._clients:
-            time.sleep(_POLL_S)
+            time.sleep(POLL_S)
 
     def send(self, message: bytes) -> bool:
         """See `Emulator`."""
@@ -84,7 +82,7 @@ class WebSocketServer:
         self._clients.append(client)
         try:
             while not self._ended.is_set() and client.state == 1:
-                time.sleep(_POLL_S)
+                time.sleep(POLL_S)
         finally:
             self._clients.remove(client)
 
@@ -132,7 +130,7 @@ class Dsa:
     def wait(self) -> None:
         """See `Emulator`."""
         while dsa.PREAMBLE not in self._pty.received():
-            time.sleep(_POLL_S)
+            time.sleep(POLL_S)
 
     def encode(self, t_s: float, values: Floats) -> bytes:
         """See `Emulator`."""
@@ -146,8 +144,8 @@ class Dsa:
         for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
             whole, rest = divmod(end - start, 15)
             words += [15 << 12 | int(cells[start])] * whole + ([rest << 12 | int(cells[start])] if rest else [])
-        payload = struct.pack("<IB", round(1e3 * t_s) & 0xFFFFFFFF, dsa.RUN_LENGTHS) + np.array(words, "<u2").tobytes()
-        return dsa.frame(dsa.SCAN, payload, self._table)
+        head = dsa.SCAN_HEAD.pack(round(1e3 * t_s) & 0xFFFFFFFF, dsa.Flag.RUN_LENGTHS)
+        return dsa.frame(dsa.Message.SCAN, head + np.array(words, "<u2").tobytes(), self._table)
 
     def send(self, message: bytes) -> bool:
         """See `Emulator`."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from taxelflow.acquire.devices.frames import FrameForm
 from taxelflow.acquire.devices.line import line_of
+from taxelflow.pipeline.live.emulators.base import POLL_S
 from taxelflow.runtime.endpoints import listening, place_of
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
-_POLL_S = 0.05
-"""Time between two looks whether a reader has come."""
 _NO_LINGER = struct.pack("ii", 1, 0)
 """A connection that is closed so ends without a word, as by a cable."""
 
@@ -69,7 +68,7 @@ class _Tcp(_Stream):
     def wait(self) -> None:
         """See `Emulator`."""
         while self._connected() is None:
-            time.sleep(_POLL_S)
+            time.sleep(POLL_S)
 
     def send(self, message: bytes) -> bool:
         """See `Emulator`."""
@@ -162,7 +161,7 @@ class Pty:
         """Send it to whoever reads; False if the line is full, because nobody does."""
         left = memoryview(message)
         while left:
-            _, ready, _ = select.select([], [self._device], [], _POLL_S)
+            _, ready, _ = select.select([], [self._device], [], POLL_S)
             if not ready:
                 return False
             left = left[os.write(self._device, left) :]
