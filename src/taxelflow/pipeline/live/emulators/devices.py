@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 _POLL_S = 0.02
 """Time between two looks whether a peer has come."""
+_ASKED_S = 1.0
+"""Time for which emulated pucks wait for a request."""
 
 
 class WebSocketServer:
@@ -172,8 +174,8 @@ class Barrett:
         self._bus.shut()
 
     def wait(self) -> None:
-        """Until a puck is asked for readings."""
-        while not self._bus.asked():
+        """See `Emulator`."""
+        while not self._bus.asked(_POLL_S):
             pass
 
     def encode(self, _t_s: float, values: Floats) -> bytes:
@@ -185,9 +187,12 @@ class Barrett:
         )
 
     def send(self, message: bytes) -> bool:
-        """See `Emulator`."""
-        while self._bus.asked(0.0):  # a recording has its own pace
-            pass
+        """See `Emulator`: pucks send when all have been asked, and then once."""
+        until, due = time.monotonic() + _ASKED_S, False
+        while (puck := self._bus.asked(0.0 if due else _POLL_S)) or not due:
+            due = due or puck == barrett.PUCKS[-1]
+            if not due and time.monotonic() >= until:
+                return False
         whole = len(message) // barrett.CAN_FRAME.size * barrett.CAN_FRAME.size
         for identifier, content in barrett.CAN_FRAME.iter_unpack(message[:whole]):
             self._bus.send(identifier, content)
