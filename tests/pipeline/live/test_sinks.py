@@ -25,6 +25,7 @@ from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.workers import Raw, SinkWorker
 from taxelflow.publish.sinks.base import Ending, Head, ResultSink
 from taxelflow.publish.sinks.foxglove_messages import Drawing
+from taxelflow.publish.sinks.json_topics import SCHEMAS
 from taxelflow.publish.sinks.patient import PatientFile
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
@@ -48,7 +49,7 @@ def test_foxglove_gets_a_cloud_a_grid_per_pad_and_slips() -> None:
         ) as client,
     ):
         channels: dict[str, Any] = {}
-        while len(channels) < 6:
+        while len(channels) < 7:
             message = client.recv(timeout=5)
             if isinstance(message, str) and json.loads(message)["op"] == "advertise":
                 channels |= {channel["topic"]: channel for channel in json.loads(message)["channels"]}
@@ -64,8 +65,10 @@ def test_foxglove_gets_a_cloud_a_grid_per_pad_and_slips() -> None:
             content = client.recv(timeout=5)
             if isinstance(content, bytes):
                 seen.add(content[1:5])  # the subscription
-    assert set(channels) == {"/taxels", "/pads/pad0", "/arrows", "/slips", "/object", "/events"}
+    assert set(channels) == {"/taxels", "/pads/pad0", "/arrows", *SCHEMAS}
     assert channels["/taxels"]["schemaName"] == "foxglove.PointCloud"
+    assert channels["/object"]["schemaName"] == "taxelflow.Object"
+    assert "vx_m_s" in json.loads(channels["/object"]["schema"])["properties"]
 
 
 def test_pads_are_drawn_where_they_lie_in_the_hand() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import logging
 import time
 from importlib import import_module
@@ -17,6 +16,7 @@ from taxelflow.errors import AddressInvalid, ExtraMissing
 from taxelflow.numerics.clock import nanoseconds
 from taxelflow.pipeline.live.adoptions import ADOPTIONS, MISSED
 from taxelflow.publish.sinks.foxglove_messages import Drawing
+from taxelflow.publish.sinks.json_topics import SCHEMAS, Properties, json_schema
 from taxelflow.publish.sinks.lines import event_row, scan_texts, spatial_objects
 from taxelflow.publish.sinks.patient import PatientFile
 
@@ -31,18 +31,8 @@ _DRAWN_S = 1 / 30
 """Shortest time between pictures."""
 _NO_SCHEMA = 0
 """Number of MCAP for what describes itself; `rosbags` opens no file with another schema than those of ROS."""
-_NUMBER = {"type": ["number", "null"]}
-_SCHEMAS = {
-    "/slips": ("taxelflow.Slips", {"t_s": {"type": "number"}, "pads": {"type": "object"}}),
-    "/object": (
-        "taxelflow.Object",
-        dict.fromkeys(("t_s", "vx_m_s", "vy_m_s", "omega_rad_s", "x_m", "y_m"), _NUMBER),
-    ),
-    "/object3d": (
-        "taxelflow.Object3d",
-        dict.fromkeys(("t_s", "vx_m_s", "vy_m_s", "vz_m_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"), _NUMBER),
-    ),
-    "/events": ("taxelflow.Event", {"t_s": _NUMBER, "pad": {"type": "string"}, "event": {"type": "string"}}),
+_SCHEMAS: dict[str, tuple[str, Properties]] = {
+    **SCHEMAS,
     ADOPTIONS: (
         "taxelflow.Adoption",
         {"t_s": {"type": "number"}, "what": {"type": "string"}, "number": {"type": "integer"}},
@@ -163,8 +153,8 @@ class McapSink:
             return writer.register_channel(topic, "json", _NO_SCHEMA)
         if topic in _SCHEMAS:
             name, properties = _SCHEMAS[topic]
-            schema = json.dumps({"title": name, "type": "object", "properties": properties}).encode()
-            return writer.register_channel(topic, "json", writer.register_schema(name, "jsonschema", schema))
+            schema_id = writer.register_schema(name, "jsonschema", json_schema(name, properties))
+            return writer.register_channel(topic, "json", schema_id)
         if self._drawing is None:
             raise RuntimeError("a picture was written without a drawing")
         drawn = self._drawing.schemas[topic]
