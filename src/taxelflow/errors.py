@@ -106,7 +106,8 @@ def written_at(place: Path | str) -> Iterator[None]:
         name = Path(error.filename2 or error.filename)
         if name != Path(place) and _PART in name.name and not name.exists():
             name = name.with_name("".join(name.name.rsplit(_PART, 1)))
-        error.filename, error.filename2 = str(name), None
+        error.filename = str(name)
+        del error.filename2  # of None it would print "-> None"
         raise
 
 

@@ -67,7 +67,7 @@ class TablesSink(ResultSink):
 
     def close(self, ending: Ending) -> None:
         """See `Sink`."""
-        if ending.failed:  # rows stay in the .part files
+        if ending.failed or any(file.lost for file in self._opened):  # rows stay in the .part files
             self._tables.__exit__(RuntimeError)
             return
         self._tables.__exit__(None)
