@@ -50,7 +50,7 @@ def charts(load_unit: str) -> dict[str, Chart]:
             f"speed over the last {SHOWN_S:g} s, mm/s (blue x, orange y)", (("x", _BLUE), ("y", _ORANGE)), compared=True
         ),
         "turn": Chart("rate of turn, deg/s", (("turn", _GREEN),), compared=True),
-        "load": Chart(f"load, {load_unit}", (("load", _BLUE),), points=False),
+        "load": Chart(f"load: sum of all taxels, {load_unit}", (("load", _BLUE),), points=False),
         "test": Chart(
             "slip test, log of statistic over threshold (line: slips above)",
             (("statistic", _ORANGE), ("threshold", _GREY)),
