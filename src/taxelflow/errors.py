@@ -111,6 +111,11 @@ def written_at(place: Path | str) -> Iterator[None]:
         raise
 
 
+def holds_results(path: Path) -> bool:
+    """Whether a path is a directory that `taxelflow estimate` has written."""
+    return (path / "summary.json").is_file()
+
+
 class RecordingError(TaxelflowError):
     """A recording cannot be used."""
 
@@ -119,7 +124,9 @@ class RecordingMissing(RecordingError):
     """There is no file or bag at the path."""
 
     def __init__(self, path: Path) -> None:
-        if path.is_dir():
+        if holds_results(path):
+            super().__init__(f"{path} holds results, no recording; give the recording that its summary.json names")
+        elif path.is_dir():
             super().__init__(
                 f"recording {path} is a directory but no ROS 2 bag (it has no metadata.yaml), and no pad has `files` "
                 "in it; give one recording, or estimate all recordings of a directory with `taxelflow batch`"
