@@ -37,10 +37,10 @@ from taxelflow.messages import (
     no_scans,
     split,
 )
+from taxelflow.pipeline.warmup import made_up
 from taxelflow.runtime import registry
 from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.calibration import Calibration
-from taxelflow.simulation.warmup import made_up
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
