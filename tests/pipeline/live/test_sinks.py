@@ -18,12 +18,15 @@ from streaming import PALM, connected, free_port, lines, published, running, sli
 from taxelflow import load_sensor
 from taxelflow.acquire.devices.base import Faults
 from taxelflow.errors import AddressInvalid
+from taxelflow.messages import cut
 from taxelflow.numerics.geometry import rotation
 from taxelflow.pipeline.live import workers
+from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.pipeline.live.latency import Latencies
+from taxelflow.pipeline.live.loop import update_of
 from taxelflow.pipeline.live.workers import Raw, SinkWorker
-from taxelflow.publish.sinks.base import Ending, Head, ResultSink
+from taxelflow.publish.sinks.base import Ending, Head, ResultSink, Update
 from taxelflow.publish.sinks.foxglove_messages import Drawing
 from taxelflow.publish.sinks.json_topics import SCHEMAS
 from taxelflow.publish.sinks.patient import PatientFile
@@ -284,6 +287,39 @@ def test_what_waits_for_a_sink_is_written_at_once(monkeypatch: pytest.MonkeyPatc
     worker.finish(Ending(None, ()))
     assert sink.given == [(1, False), (6, False), (3, True)]
     assert worker.published == 10
+
+
+class _Lengths(ResultSink):
+    """Notes how many scans each update has."""
+
+    lossless = True
+    dropped = 0
+
+    def __init__(self, *, texts: bool) -> None:
+        self.texts, self.given = texts, list[int]()
+
+    def write(self, update: Update) -> None:
+        self.given.append(len(update))
+
+    def hurry(self) -> None:
+        pass
+
+    def close(self, _ending: Ending) -> None:
+        pass
+
+
+@pytest.mark.parametrize("texts", [False, True])
+def test_results_are_joined_but_for_who_writes_their_texts(texts: bool) -> None:
+    sink, live, scans = _Lengths(texts=texts), Live(PALM), slid()
+    worker = SinkWorker("a", sink, Faults())
+    for scan in range(30):
+        if len(output := live.push(cut(scans, scan, scan + 1))):
+            worker.offer(update_of(output))
+    offered = [len(update) for update in worker._waiting if isinstance(update, Update)]
+    worker.start()
+    worker.finish(Ending(None, ()))
+    assert sink.given == (offered if texts else [sum(offered)])
+    assert len(offered) > 10
 
 
 def test_a_named_pipe_without_a_reader_is_reported_at_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -106,7 +106,9 @@ class McapSink:
             self._write_json("/object3d", float(row["t_s"]), row)
         for event in update.events:
             self._write_json("/events", event.t_s, event_row(event))
-        if self._drawing is not None:
+        last_s = float(update.slips.t_s[-1])
+        if self._drawing is not None and not 0.0 <= last_s - self._arrows_s < _DRAWN_S:
+            self._arrows_s = last_s
             arrows = self._drawing.arrows(update)
             self._add(arrows.topic, arrows.t_ns, arrows.content)
 
@@ -125,7 +127,7 @@ class McapSink:
         self._scans.finish()
         self._buffered.close()
 
-    _drawn_s = float("-inf")
+    _drawn_s = _arrows_s = float("-inf")
     _flushed_s = float("-inf")
     _unsure = 0
     """Scans since the last flush: they stand in chunks, of which a part cannot be read."""

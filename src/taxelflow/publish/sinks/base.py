@@ -83,7 +83,8 @@ class Sink(Protocol):
 
     lossless: nothing is dropped for it. raw: it wants scans as they arrived, too. dropped: what it could not pass on.
     gathers_s: time for which what has come may wait, s, so that more is written at once. One that writes `Update.texts`
-    has an attribute `texts` that is true, one that writes files an attribute `files`: their paths.
+    has an attribute `texts` that is true, and gets results as they came, not joined; one that writes files an attribute
+    `files`: their paths.
     """
 
     lossless: bool
