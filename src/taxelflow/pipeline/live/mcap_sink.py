@@ -95,7 +95,7 @@ class McapSink:
     def write(self, update: Update) -> None:
         """See `Sink`."""
         texts = update.texts or scan_texts(update, self._pads)
-        for t_s, text in zip(update.slips.t_s.tolist(), texts, strict=True):
+        for t_s, text in zip(update.output.slips.t_s.tolist(), texts, strict=True):
             self._write_json("/slips", t_s, {"t_s": t_s, "pads": text.pads})
             self._add("/object", nanoseconds(t_s), bytes(text.moved))
         for adoption in update.adoptions:
@@ -104,9 +104,9 @@ class McapSink:
             self._write_json(MISSED, t_s, {"t_s": t_s})
         for row in spatial_objects(update, self._pads):
             self._write_json("/object3d", float(row["t_s"]), row)
-        for event in update.events:
+        for event in update.output.events:
             self._write_json("/events", event.t_s, event_row(event))
-        last_s = float(update.slips.t_s[-1])
+        last_s = float(update.output.slips.t_s[-1])
         if self._drawing is not None and not 0.0 <= last_s - self._arrows_s < _DRAWN_S:
             self._arrows_s = last_s
             arrows = self._drawing.arrows(update)

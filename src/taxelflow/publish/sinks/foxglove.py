@@ -74,13 +74,13 @@ class FoxgloveServer:
         """See `Sink`."""
         arrows = self._drawing.arrows(update)
         self._drawn["/arrows"].log(arrows.content, log_time=arrows.t_ns)
-        t_s = float(update.slips.t_s[-1])
+        t_s = float(update.output.slips.t_s[-1])
         now = {"log_time": nanoseconds(t_s)}
         self._results["/slips"].log({"t_s": t_s, "pads": _known(pad_rows(update, self._pads)[-1])}, **now)
-        self._results["/object"].log(_known(object_rows(update.motions)[-1]), **now)
+        self._results["/object"].log(_known(object_rows(update.output.motions)[-1]), **now)
         for row in spatial_objects(update, self._pads)[-1:]:
             self._results["/object3d"].log(_known(row), **now)
-        for event in update.events:
+        for event in update.output.events:
             self._results["/events"].log(_known(event_row(event)), log_time=nanoseconds(event.t_s))
 
     def tick(self) -> None:

@@ -93,7 +93,7 @@ class ParquetSink(ResultSink):
             raise
 
     def _write(self) -> None:
-        whole = joined(self._held)
+        whole = joined(self._held).output
         self._held, self._written_s = [], time.monotonic()
         with self._all_or_nothing():
             self._tables.write(whole.slips, whole.slipping, whole.motions, whole.events, whole.evidence)
