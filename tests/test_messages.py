@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from synthetic import assert_same, dome, grid_sensor, pieces, raw_scans, scans_of, slips_by
 from taxelflow.contacts.features import ContactFeatures
 from taxelflow.fusion.parameters import RigidField
-from taxelflow.messages import Event, Slips, cut, joined
+from taxelflow.messages import Event, Output, Slips, cut, joined
 from taxelflow.publish.sinks.base import Update
 from taxelflow.slip.pattern_change import PatternChanges
 
@@ -44,13 +44,13 @@ def test_blocks_within_a_block_are_joined_field_by_field(slips: Slips, messages:
     """Lists are chained, None stays None, and a field named `noise` is shared by scans only."""
     contacts = ContactFeatures().start(PALM, 6.0, 4.0).step(SCANS).contacts
     rest = messages["Motions"], [messages["Event"]], contacts, *np.zeros((2, *slips.contact.shape))
-    updates = [Update(np.arange(len(part)) + 0.0, part, part.contact, *rest) for part in pieces(slips, [3])]
-    whole = joined(updates)
-    assert_same(whole.slips, slips)
+    outputs = [Output(part, part.contact, *rest) for part in pieces(slips, [3])]
+    whole = joined([Update(np.arange(len(output)) + 0.0, output) for output in outputs])
+    assert_same(whole.output.slips, slips)
     assert whole.arrived_s.tolist() == [0, 1, 2, 0, 1, 2, 3, 4]
-    assert [event.event for event in whole.events] == ["contact"] * 2
-    assert whole.spatial is None
-    assert len(whole.contacts) == 16
+    assert [event.event for event in whole.output.events] == ["contact"] * 2
+    assert whole.output.spatial is None
+    assert len(whole.output.contacts) == 16
     changes = PatternChanges(*(np.full(shape, 1.0) for shape in (3, 3, *[(3, 2)] * 7, (3, 2, 1, 3))))
     assert joined([changes, changes]).noise.shape == (6, 2)
 

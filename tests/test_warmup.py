@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from costly import mostly_long
-from taxelflow.simulation.warmup import made_up
+from taxelflow.pipeline.warmup import made_up
 
 PROGRAM = """
 from dataclasses import replace

@@ -71,7 +71,7 @@ def estimators() -> None:
     """The methods that take long, without the stages around them: their sessions compile as they start."""
     from taxelflow import estimator
     from taxelflow.estimation.completion import start_slips
-    from taxelflow.simulation.warmup import made_up
+    from taxelflow.pipeline.warmup import made_up
 
     layout = made_up(split=False).layout
     for mode in MODES:

@@ -106,8 +106,14 @@ def written_at(place: Path | str) -> Iterator[None]:
         name = Path(error.filename2 or error.filename)
         if name != Path(place) and _PART in name.name and not name.exists():
             name = name.with_name("".join(name.name.rsplit(_PART, 1)))
-        error.filename, error.filename2 = str(name), None
+        error.filename = str(name)
+        del error.filename2  # of None it would print "-> None"
         raise
+
+
+def holds_results(path: Path) -> bool:
+    """Whether a path is a directory that `taxelflow estimate` has written."""
+    return (path / "summary.json").is_file()
 
 
 class RecordingError(TaxelflowError):
@@ -118,7 +124,9 @@ class RecordingMissing(RecordingError):
     """There is no file or bag at the path."""
 
     def __init__(self, path: Path) -> None:
-        if path.is_dir():
+        if holds_results(path):
+            super().__init__(f"{path} holds results, no recording; give the recording that its summary.json names")
+        elif path.is_dir():
             super().__init__(
                 f"recording {path} is a directory but no ROS 2 bag (it has no metadata.yaml), and no pad has `files` "
                 "in it; give one recording, or estimate all recordings of a directory with `taxelflow batch`"

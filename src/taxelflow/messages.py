@@ -438,6 +438,27 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Output:
+    """Results of some scans: motion and quality of every pad, whether it slips (scans, pads), the object's motion, what
+    the contacts are like, the events that are complete (in a batch, those from a slip's begin on wait for its end),
+    evidence (scans, pads): log odds of a slip by the pattern's change, statistic (scans, pads): see
+    `slip.stage.Judged`, and motion in space where pads have places.
+    """
+
+    slips: Slips
+    slipping: Bools
+    motions: Motions
+    events: list[Event]
+    contacts: Contacts
+    evidence: Floats
+    statistic: Floats
+    spatial: SpatialMotions | None = None
+
+    def __len__(self) -> int:
+        return len(self.slips)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class LearnedPattern:
     """Pressure map of an object, estimated from many scans, finer than the taxels.
 

@@ -289,6 +289,25 @@ def test_no_picture_replaces_another_of_the_same_drawing(results: list[Path], tm
     assert len(set(made)) == len(made) == 4
 
 
+def test_of_contacts_and_their_pad_one_is_drawn(tmp_path: Path) -> None:
+    sensor = Sensor(name="own", unit="Pa", pads=tuple(Pad(name, 4, 16, (0.01, 0.01)) for name in ("one", "two")))
+    values = np.random.default_rng(0).normal(0, 50, (80, 2, 4, 16))
+    row, col = np.mgrid[:4, :16]
+    for scan in range(20, 80):
+        for pad, middle in ((0, 8.0), (1, 3.0), (1, 12.0)):
+            at = middle + 0.02 * (scan - 50)
+            values[scan, pad] += 40e3 * np.exp(-((row - 1.5) ** 2 + (col - at) ** 2) / 2)
+    recording = saved(tmp_path / "own.npz", values.reshape(80, -1), sensor)
+    pictures = words_of([estimated(recording, tmp_path / "own", "--contacts", "2")])
+    assert {name for name in pictures if name.startswith("position")} == {
+        "position-one",
+        "position-two#1",
+        "position-two#2",
+    }
+    assert {"one", "two#1", "two#2"} <= set(pictures["path-convolution"])
+    assert not {"two", "one#1"} & set(pictures["path-convolution"])
+
+
 @pytest.mark.long
 def test_pads_of_any_name_are_drawn_under_their_name(tmp_path: Path) -> None:
     names = ["left/tip", "läuft ✓ 50 $ (two $)", r"$\nonsense$ <b>&", "../up"]

@@ -23,6 +23,7 @@ from taxelflow.messages import (
     Estimates,
     Event,
     Floats,
+    Output,
     RawScans,
     Scans,
     cut,
@@ -31,7 +32,7 @@ from taxelflow.messages import (
 )
 from taxelflow.pipeline import stages
 from taxelflow.pipeline.api import estimate
-from taxelflow.pipeline.stages import Output, Pipeline
+from taxelflow.pipeline.stages import Pipeline
 from taxelflow.runtime import registry
 from taxelflow.sensors.calibration import Calibration, PadCalibration, fingerprint
 from taxelflow.slip.stage import SlipStage

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.fusion.session import nothing
-from taxelflow.messages import SpatialMotions
+from taxelflow.messages import Output, SpatialMotions
 from taxelflow.pipeline.live.mcap_sink import McapSink
 from taxelflow.pipeline.live.ros2_sink import Ros2Types
 from taxelflow.publish.parquet import ParquetTables
@@ -90,8 +90,7 @@ def update() -> Update:
     )
     planar = RigidField().start(Sensor(name="two", unit="Pa", pads=(pad("left"), pad("right"))).layout)
     contacts: Any = None
-    return Update(
-        np.zeros(3),
+    output = Output(
         replace(slips, t_s=motions().t_s, span_s=np.full((3, 2), np.nan)),
         np.zeros((3, 2), dtype=np.bool_),
         replace(planar.step(slips, np.zeros((3, 2, 2))), t_s=motions().t_s),
@@ -101,6 +100,7 @@ def update() -> Update:
         np.zeros((3, 2)),
         motions(),
     )
+    return Update(np.zeros(3), output)
 
 
 def pad(name: str) -> Pad:
@@ -115,7 +115,9 @@ def test_a_live_line_has_the_columns_under_their_own_key() -> None:
     assert lines[1]["object3d"]["unobservable"] == "turn about (0.00, 0.00, 1.00) through (0, 0, 0) mm"
     assert lines[2]["object3d"]["blamed"] == "right"
     assert "vz_m_s" not in lines[1]["object"]
-    assert "object3d" not in json.loads(json_lines(replace(update(), spatial=None), PADS)[0])
+    assert "object3d" not in json.loads(
+        json_lines(replace(update(), output=replace(update().output, spatial=None)), PADS)[0]
+    )
 
 
 def test_an_mcap_file_has_a_topic_of_it(tmp_path: Path) -> None:

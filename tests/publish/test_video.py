@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +12,6 @@ from taxelflow.errors import ExtraMissing, ParameterInvalid
 from taxelflow.publish.video import write_video
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from taxelflow.publish.plots.film import Frame
 
 COLOURS = [(213, 94, 0), (0, 114, 178), (255, 255, 255)]
@@ -32,6 +31,16 @@ def test_a_gif_holds_all_frames_at_their_rate(tmp_path: Path) -> None:
             seen = np.asarray(film.convert("RGB"), dtype=float).mean(axis=(0, 1))
             np.testing.assert_allclose(seen, colour, atol=6)
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["a.gif"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
+def test_a_film_on_a_full_disk_is_no_film(tmp_path: Path) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    (tmp_path / "a.part.mp4").symlink_to("/dev/full")
+    with pytest.raises(OSError, match="No space left on device") as raised:
+        write_video(iter(frames()), tmp_path / "a.mp4", 20.0)
+    assert raised.value.filename == str(tmp_path / "a.mp4")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # imageio-ffmpeg's reader leaves a pipe

@@ -15,9 +15,9 @@ from taxelflow.fusion.reference import place_block, place_points
 from taxelflow.messages import Slips, Texture, cut
 from taxelflow.numerics.geometry import rotation
 from taxelflow.numerics.records import records, unknown
+from taxelflow.pipeline.warmup import made_up
 from taxelflow.runtime.blocks import is_block
 from taxelflow.sensors.border import border_of, mark_border, mark_border_block
-from taxelflow.simulation.warmup import made_up
 from taxelflow.slip.detector import has_flips
 from taxelflow.slip.measurement import observations
 from taxelflow.slip.session import has_flips_in_block

@@ -21,8 +21,7 @@ from taxelflow.sensors.kinematics import PadKinematics
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Estimator
-    from taxelflow.messages import Floats
-    from taxelflow.pipeline.stages import Output
+    from taxelflow.messages import Floats, Output
     from taxelflow.sensors.sensor import Sensor
 
 _MIRRORED = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0]])

@@ -46,8 +46,7 @@ if TYPE_CHECKING:
 
     from taxelflow.estimation.centroid.session import CentroidSession
     from taxelflow.evaluation.base import Table
-    from taxelflow.messages import Floats
-    from taxelflow.pipeline.stages import Output
+    from taxelflow.messages import Floats, Output
 
     Result = TypeVar("Result", bound=Sized)
 

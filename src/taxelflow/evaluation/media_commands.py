@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from taxelflow.errors import ParameterInvalid, RecordingMissing
+from taxelflow.errors import ParameterInvalid, RecordingMissing, holds_results
 from taxelflow.runtime import registry
 from taxelflow.runtime.threads import quick_turns, uncollected
 
@@ -134,7 +134,7 @@ class View:
             raise ParameterInvalid("method", " ".join(methods), "be different ones")
         for name in methods:
             registry.check("estimator", name)
-        if not live and not Path(self.shown).exists():
+        if not live and (not Path(self.shown).exists() or holds_results(Path(self.shown))):
             raise RecordingMissing(Path(self.shown))
         if self.sensor is not None:
             from taxelflow.sensors.catalogue import load_sensor

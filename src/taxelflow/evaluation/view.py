@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from taxelflow.acquire.base import Recording
-    from taxelflow.pipeline.stages import Output
+    from taxelflow.messages import Output
     from taxelflow.publish.view.server import PageServer
 
 _BROWSER_S = 3.0

@@ -4,9 +4,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from taxelflow.pipeline.stages import Output, Pipeline, Run
+    from taxelflow.pipeline.stages import Pipeline, Run
 
-__all__ = ["Output", "Pipeline", "Run"]
+__all__ = ["Pipeline", "Run"]
 
 
 def __getattr__(name: str) -> Any:

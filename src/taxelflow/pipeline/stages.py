@@ -23,24 +23,22 @@ from taxelflow.messages import (
     Bools,
     Contacts,
     Estimates,
-    Event,
     Floats,
     Footprint,
     LearnedPattern,
-    Motions,
+    Output,
     RawScans,
     Slips,
-    SpatialMotions,
     Texture,
     cut,
     joined,
     no_scans,
     split,
 )
+from taxelflow.pipeline.warmup import made_up
 from taxelflow.runtime import registry
 from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.calibration import Calibration
-from taxelflow.simulation.warmup import made_up
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
@@ -53,27 +51,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Scans
     from taxelflow.runtime.adoption import Adopting
     from taxelflow.slip.stage import Judged
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Output:
-    """Results of some scans: motion and quality of every pad, whether it slips (scans, pads), the object's motion, what
-    the contacts are like, the events that are complete (in a batch, those from a slip's begin on wait for its end),
-    evidence (scans, pads): log odds of a slip by the pattern's change, statistic (scans, pads): see `Judged`, and
-    motion in space where pads have places.
-    """
-
-    slips: Slips
-    slipping: Bools
-    motions: Motions
-    events: list[Event]
-    contacts: Contacts
-    evidence: Floats
-    statistic: Floats
-    spatial: SpatialMotions | None = None
-
-    def __len__(self) -> int:
-        return len(self.slips)
 
 
 _warm: set[tuple[object, ...]] = set()

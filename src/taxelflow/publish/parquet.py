@@ -23,17 +23,17 @@ NAMES = {"slips": SLIPS, "object": OBJECT, "events": EVENTS}
 class ParquetTables:
     """Writes a run's messages to a directory that exists, block by block; a context that closes the files.
 
-    The same messages in the same blocks give the same bytes. Raises ExtraMissing, OSError.
+    The same messages in the same blocks give the same bytes. suffix: of the files' names. Raises ExtraMissing, OSError.
     """
 
-    def __init__(self, directory: Path, pads: tuple[str, ...]) -> None:
+    def __init__(self, directory: Path, pads: tuple[str, ...], suffix: str = ".parquet") -> None:
         try:
             import pyarrow
             from pyarrow import parquet
         except ImportError as error:
             raise ExtraMissing("tables", "pyarrow") from error
         self._arrow, self._parquet = pyarrow, parquet
-        self.directory, self._pads = directory, pads
+        self.directory, self._pads, self._suffix = directory, pads, suffix
         self._files: dict[str, Any] = {}
         self._stack = ExitStack()
 
@@ -45,7 +45,7 @@ class ParquetTables:
 
     def _begin(self, name: str, columns: Sequence[str]) -> None:
         schema = self._arrow.schema([(column, self._type(column)) for column in columns])
-        file = self._parquet.ParquetWriter(self.directory / f"{name}.parquet", schema)
+        file = self._parquet.ParquetWriter(self.directory / f"{name}{self._suffix}", schema)
         self._files[name] = self._stack.enter_context(file)
 
     def __exit__(self, *_details: object) -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import subprocess
+from contextlib import suppress
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, cast
 
 from taxelflow.errors import ExtraMissing, ParameterInvalid, written_at
 
@@ -14,6 +18,8 @@ if TYPE_CHECKING:
     from taxelflow.publish.plots.film import Frame
 
 SUFFIXES = (".gif", ".mp4")
+_CRF = "15"
+"""Quality of H.264: thin lines blur above."""
 
 
 def check_video(path: Path) -> None:
@@ -60,18 +66,33 @@ def _write_gif(frames: Iterable[Frame], path: Path, fps: float) -> int:
 
 
 def _write_mp4(frames: Iterable[Frame], path: Path, fps: float) -> int:
+    """Raises OSError where ffmpeg ends with an error: imageio_ffmpeg's own writer leaves a broken file then."""
     import imageio_ffmpeg
 
-    count, incoming = 0, iter(frames)
+    incoming = iter(frames)
     first = next(incoming)
     height, width = first.shape[:2]
-    # quality from 0 to 10: below 7 thin lines blur
-    writer = imageio_ffmpeg.write_frames(str(path), (width, height), fps=fps, quality=7, ffmpeg_log_level="error")
-    writer.send(None)
-    try:
-        for frame in chain([first], incoming):
-            writer.send(frame.tobytes())
+    raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-")
+    made = ("-an", "-vcodec", "libx264", "-pix_fmt", "yuv420p", "-crf", _CRF)
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "quiet", *raw, *made, str(path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True) as ffmpeg:  # Ctrl-C is for us
+        try:
+            count = _fed(chain([first], incoming), cast("IO[bytes]", ffmpeg.stdin))
+        except BaseException:
+            ffmpeg.kill()
+            raise
+    if ffmpeg.returncode:
+        number = 256 - ffmpeg.returncode  # it returns the system's, negative
+        number = number if number in errno.errorcode else errno.EIO
+        raise OSError(number, os.strerror(number))
+    return count
+
+
+def _fed(frames: Iterable[Frame], pipe: IO[bytes]) -> int:
+    """Write frames to ffmpeg until it has enough; how many."""
+    count = 0
+    with suppress(BrokenPipeError), pipe:
+        for frame in frames:
+            pipe.write(frame.tobytes())
             count += 1
-    finally:
-        writer.close()
     return count

@@ -18,14 +18,13 @@ from taxelflow.condition import relearning
 from taxelflow.condition.sample import WINDOW_SCANS
 from taxelflow.errors import AddressInvalid
 from taxelflow.estimation.template.online import session
-from taxelflow.messages import cut, joined
+from taxelflow.messages import Output, cut, joined
 from taxelflow.pipeline.live import intake
 from taxelflow.pipeline.live.adoptions import asked_adoptions, asked_missed
 from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.pipeline.live.loop import Limits, run_live, update_of
 from taxelflow.pipeline.live.replay import Replay
-from taxelflow.pipeline.stages import Output
 from taxelflow.publish.sinks.lines import json_lines
 from taxelflow.runtime.addresses import parse_address
 from taxelflow.runtime.adoption import Adoption, AsRecorded, Lane, Late, WhenReady

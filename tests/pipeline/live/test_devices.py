@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from streaming import PALM, free_port, opened
 from taxelflow import load_sensor
-from taxelflow.acquire.devices.barrett import BarrettParser, frames_of
+from taxelflow.acquire.devices.barrett import ASKED, CAN_FRAME, PUCKS, BarrettParser, frames_of
 from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.devices.dsa import DsaParser
 from taxelflow.acquire.devices.frames import FrameParser
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 DEVICES = {
     "xela": ("xela://127.0.0.1:{port}", "xela-4x4@4.7mm"),
     "dsa": ("dsa:", "schunk-sdh2"),
-    "barrett-can": ("barrett-can:{port}?interface=virtual", "barretthand-bh280-96"),
+    "barrett-can": ("barrett-can:{port}?interface=virtual&rate=400", "barretthand-bh280-96"),
     "inspire-modbus": ("inspire-modbus://127.0.0.1:{port}?rate=400", "inspire-rh56dftp@3mm"),
 }
 FULL = {"xela": 65535, "dsa": 4095, "barrett-can": 15, "inspire-modbus": 4095}
@@ -164,11 +164,34 @@ def test_the_modbus_library_says_nothing_of_its_own(caplog: pytest.LogCaptureFix
 def test_a_puck_that_is_silent_leaves_its_readings_missing() -> None:
     faults = Faults()
     parser = BarrettParser(faults)
-    two = b"".join(frames_of(puck, np.ones(24)) for puck in (11, 12, 11))
-    (t_s, values), *_ = parser.feed(two)
+    two = b"".join(frames_of(puck, np.ones(24)) for puck in (11, 12))
+    ((t_s, values),) = parser.feed(ASKED + two + ASKED)
     assert t_s is None
     assert np.isnan(values).sum() == 48
     assert faults.counts["puck silent"] == 1
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "whole"),
+    [
+        (lambda frames: frames[:2] + frames[1:], True),  # one frame twice
+        (lambda frames: frames[:10] + frames[5:], True),  # all of a puck twice
+        (lambda frames: frames + frames[-5:], True),
+        (lambda frames: frames[1:], False),
+        (lambda frames: frames[5:], False),
+    ],
+)
+def test_what_pucks_answer_to_two_requests_is_never_one_scan(spoiled: Any, whole: bool) -> None:
+    def answers(number: float) -> bytes:
+        return b"".join(frames_of(puck, np.full(24, number)) for puck in PUCKS)
+
+    first = answers(1.0)
+    frames = [first[at : at + CAN_FRAME.size] for at in range(0, len(first), CAN_FRAME.size)]
+    parser = BarrettParser(Faults())
+    pieces = [ASKED, *spoiled(frames), ASKED, answers(2.0), ASKED, answers(3.0)]
+    scans = [values for piece in pieces for _, values in parser.feed(piece)]
+    assert [set(values[np.isfinite(values)]) for values in scans] == [{1.0}, {2.0}, {3.0}]
+    assert np.isfinite(scans[0]).all() == whole
 
 
 PARSERS = {

@@ -6,6 +6,8 @@ import json
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from streaming import connected, free_port, lines, published, running, slid
@@ -39,3 +41,16 @@ def test_rosbags_opens_what_was_recorded(tmp_path: Path) -> None:
     with AnyReader([file]) as reader:
         topics = [connection.topic for connection, _, _ in reader.messages()]
     assert (topics.count("/scans"), topics.count("/late")) == (len(scans), 3)
+
+
+def test_pictures_are_thirty_a_second_at_most(tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    file, scans = tmp_path / "a.mcap", slid()
+    with running(f"tcp-listen://127.0.0.1:{(port := free_port())}", f"mcap:{file}"), connected(port) as device:
+        device.sendall(b"".join(lines(scans)))
+    times: dict[str, list[int]] = {}
+    with file.open("rb") as content:
+        for _, channel, message in make_reader(content).iter_messages(["/arrows", "/taxels"]):
+            times.setdefault(channel.topic, []).append(message.log_time)
+    assert set(times) == {"/arrows", "/taxels"}
+    assert all(np.diff(own).min(initial=4e7) >= 1e9 / 30 for own in times.values())

@@ -28,7 +28,7 @@ from taxelflow.errors import (
     TaxelCountWrong,
     TaxelflowError,
 )
-from taxelflow.messages import RawScans, joined
+from taxelflow.messages import Output, RawScans, joined
 from taxelflow.pipeline.live import workers
 from taxelflow.pipeline.live.adoptions import asked_adoptions
 from taxelflow.pipeline.live.api import Live
@@ -36,7 +36,6 @@ from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.pipeline.live.loop import Limits, run_live
 from taxelflow.pipeline.live.replay import Replay
 from taxelflow.pipeline.live.status import clock_words, drawn, totals
-from taxelflow.pipeline.stages import Output
 from taxelflow.publish.columns import EVENTS
 from taxelflow.publish.sinks.patient import PatientFile
 

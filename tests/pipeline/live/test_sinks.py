@@ -19,13 +19,17 @@ from streaming import PALM, connected, free_port, lines, published, running, sli
 from taxelflow import load_sensor
 from taxelflow.acquire.devices.base import Faults
 from taxelflow.errors import AddressInvalid
+from taxelflow.messages import cut
 from taxelflow.numerics.geometry import rotation
 from taxelflow.pipeline.live import workers
+from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.pipeline.live.latency import Latencies
+from taxelflow.pipeline.live.loop import update_of
 from taxelflow.pipeline.live.workers import Raw, SinkWorker
-from taxelflow.publish.sinks.base import Ending, Head, ResultSink
+from taxelflow.publish.sinks.base import Ending, Head, ResultSink, Update
 from taxelflow.publish.sinks.foxglove_messages import Drawing
+from taxelflow.publish.sinks.json_topics import SCHEMAS
 from taxelflow.publish.sinks.patient import PatientFile
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
@@ -49,7 +53,7 @@ def test_foxglove_gets_a_cloud_a_grid_per_pad_and_slips() -> None:
         ) as client,
     ):
         channels: dict[str, Any] = {}
-        while len(channels) < 6:
+        while len(channels) < 7:
             message = client.recv(timeout=5)
             if isinstance(message, str) and json.loads(message)["op"] == "advertise":
                 channels |= {channel["topic"]: channel for channel in json.loads(message)["channels"]}
@@ -65,8 +69,10 @@ def test_foxglove_gets_a_cloud_a_grid_per_pad_and_slips() -> None:
             content = client.recv(timeout=5)
             if isinstance(content, bytes):
                 seen.add(content[1:5])  # the subscription
-    assert set(channels) == {"/taxels", "/pads/pad0", "/arrows", "/slips", "/object", "/events"}
+    assert set(channels) == {"/taxels", "/pads/pad0", "/arrows", *SCHEMAS}
     assert channels["/taxels"]["schemaName"] == "foxglove.PointCloud"
+    assert channels["/object"]["schemaName"] == "taxelflow.Object"
+    assert "vx_m_s" in json.loads(channels["/object"]["schema"])["properties"]
 
 
 def test_pads_are_drawn_where_they_lie_in_the_hand() -> None:
@@ -173,6 +179,8 @@ def test_scans_for_which_a_file_has_no_room_are_dropped_and_not_published(
     (worker,) = reports[0].workers
     assert worker.published + worker.dropped == 140
     assert 0 < worker.published < 140 if scheme == "jsonl" and room else worker.published < 140
+    if scheme == "tables":  # what is not whole does not stand under its final name
+        assert {path.suffix for path in (tmp_path / "a.mcap").iterdir()} == {".part"}
     if not room:
         assert worker.published == 0
 
@@ -184,12 +192,14 @@ def test_a_parquet_file_that_has_no_end_has_no_scans(tmp_path: Path, monkeypatch
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(parquet.ParquetWriter, "write_table", full)
+    (tmp_path / "slips.parquet").write_text("of an older run")
     with running("rig:stroke?speed=max", f"parquet:{tmp_path}") as reports:
         pass
     (worker,) = reports[0].workers
     assert (worker.published, worker.dropped) == (0, 140)
     (seen,) = [kind for kind in reports[0].source.faults.counts if kind.startswith("a sink")]
     assert seen == "a sink cannot be closed"
+    assert {path.suffix for path in tmp_path.iterdir()} == {".part"}
 
 
 class _Stuck(ResultSink):
@@ -278,6 +288,39 @@ def test_what_waits_for_a_sink_is_written_at_once(monkeypatch: pytest.MonkeyPatc
     worker.finish(Ending(None, ()))
     assert sink.given == [(1, False), (6, False), (3, True)]
     assert worker.published == 10
+
+
+class _Lengths(ResultSink):
+    """Notes how many scans each update has."""
+
+    lossless = True
+    dropped = 0
+
+    def __init__(self, *, texts: bool) -> None:
+        self.texts, self.given = texts, list[int]()
+
+    def write(self, update: Update) -> None:
+        self.given.append(len(update))
+
+    def hurry(self) -> None:
+        pass
+
+    def close(self, _ending: Ending) -> None:
+        pass
+
+
+@pytest.mark.parametrize("texts", [False, True])
+def test_results_are_joined_but_for_who_writes_their_texts(texts: bool) -> None:
+    sink, live, scans = _Lengths(texts=texts), Live(PALM), slid()
+    worker = SinkWorker("a", sink, Faults())
+    for scan in range(30):
+        if len(output := live.push(cut(scans, scan, scan + 1))):
+            worker.offer(update_of(output))
+    offered = [len(update) for update in worker._waiting if isinstance(update, Update)]
+    worker.start()
+    worker.finish(Ending(None, ()))
+    assert sink.given == (offered if texts else [sum(offered)])
+    assert len(offered) > 10
 
 
 def test_a_named_pipe_without_a_reader_is_reported_at_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -152,6 +152,8 @@ def test_what_cannot_be_served_is_refused_before_an_address_is_printed(
 def test_what_is_missing_is_one_line_without_an_address(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
     assert "does not exist" in refused(capsys, "view", tmp_path / "none.npz")
+    (tmp_path / "summary.json").touch()
+    assert "holds results, no recording; give the recording that" in refused(capsys, "view", tmp_path)
     assert "does not exist" in refused(capsys, "view", f"replay:{tmp_path / 'none.npz'}")
     assert "does not contain its sensor" in refused(capsys, "view", "tcp://127.0.0.1:1")
 

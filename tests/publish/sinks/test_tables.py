@@ -9,7 +9,7 @@ import pytest
 
 from synthetic import grid_sensor
 from taxelflow.errors import AddressInvalid, SinkUnusable
-from taxelflow.messages import LearnedPattern, SpatialMotions
+from taxelflow.messages import LearnedPattern, Output, SpatialMotions
 from taxelflow.pipeline.api import estimate
 from taxelflow.publish.patterns import read_patterns
 from taxelflow.publish.sinks.base import Ending, Head, Update
@@ -31,8 +31,7 @@ def result(stroke: Recording) -> Result:
 
 
 def update_of(result: Result, spatial: SpatialMotions | None = None) -> Update:
-    return Update(
-        result.slips.t_s,
+    output = Output(
         result.slips,
         result.slipping,
         result.motions,
@@ -42,6 +41,7 @@ def update_of(result: Result, spatial: SpatialMotions | None = None) -> Update:
         result.evidence,
         spatial,
     )
+    return Update(result.slips.t_s, output)
 
 
 def opened(folder: Path) -> TablesSink:

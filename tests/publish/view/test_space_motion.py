@@ -107,6 +107,8 @@ def test_the_panel_names_unobservable_directions() -> None:
     motions = turned(1)
     motions.blind[0, 0, 2] = 1.0
     results = slips_of(layout, motions.t_s, 0, 0.0, np.zeros(1))._replace(spatial=motions)
-    assert "not observable: translation along (0.00, 0.00, 1.00)" in _table(layout.pads, results, 1.0, "kPa")
+    table = _table(layout.pads, results, 1.0, "kPa")
+    assert "not observable: translation along (0.00, 0.00, 1.00)" in table
+    assert table.startswith("| pad | state | mm/s | sum of taxels, kPa | quality |")
     seen = replace(motions, blind=np.zeros((1, 6, 6)))
     assert "observable" not in _table(layout.pads, results._replace(spatial=seen), 1.0, "kPa")

@@ -68,13 +68,19 @@ def ask(puck: int) -> tuple[int, bytes]:
     return puck, struct.pack("<BBi", 0x80 | _Code.TACT, 0, _Code.FULL)
 
 
+ASKED = CAN_FRAME.pack(*ask(PUCKS[0]))
+"""What the transport passes on where it has asked for a scan: readings before and after it are never joined."""
+
+
 def _puck_of(identifier: int) -> int:
     """The puck whose readings a frame carries; 0 for another frame."""
     return identifier >> 5 & 0x1F if identifier & 0x41F == 0x400 | _Code.GROUP else 0
 
 
 class BarrettParser:
-    """Joins frames to readings, and the readings of four pucks to a scan; of a puck that is silent they are missing."""
+    """Joins frames to readings, and what four pucks answer to one request to a scan; of a puck that is silent they are
+    missing.
+    """
 
     def __init__(self, faults: Faults) -> None:
         self._faults = faults
@@ -94,15 +100,17 @@ class BarrettParser:
         """See `Parser`: whole frames by `CAN_FRAME`."""
         scans: list[tuple[float | None, Floats]] = []
         for identifier, content in CAN_FRAME.iter_unpack(received[: len(received) // CAN_FRAME.size * CAN_FRAME.size]):
+            if identifier == PUCKS[0]:  # see ASKED
+                if 0 < len(self._scan) < len(PUCKS):
+                    self._faults.count("puck silent", f"of {len(PUCKS)}, {len(self._scan)} have sent")
+                    scans.append((None, self._values()))
+                self._scan = {}
             puck = _puck_of(identifier)
-            if puck not in PUCKS:
+            if puck not in PUCKS or len(self._scan) == len(PUCKS):
                 continue
             readings = self._joined(puck, int.from_bytes(content, "big"))
             if readings is None:
                 continue
-            if puck in self._scan:
-                self._faults.count("puck silent", f"of {len(PUCKS)}, {len(self._scan)} have sent")
-                scans.append((None, self._values()))
             self._scan[puck] = readings
             if len(self._scan) == len(PUCKS):
                 scans.append((None, self._values()))
@@ -112,11 +120,14 @@ class BarrettParser:
         """A puck's readings, when the last of its frames has come."""
         sequence = word >> 60
         numbers = self._parts.setdefault(puck, [])
+        own = [word >> 12 * (PER_FRAME - 1 - k) & 0xFFF for k in range(PER_FRAME)]
+        if (sequence + 1) * PER_FRAME == len(numbers) and numbers[-PER_FRAME:] == own:  # a frame that came twice
+            return None
         if sequence * PER_FRAME != len(numbers):
             self._faults.count("frame out of sequence", f"{sequence} of puck {puck}")
             numbers.clear()
         if sequence * PER_FRAME == len(numbers) and sequence < FRAMES:
-            numbers += [word >> 12 * (PER_FRAME - 1 - k) & 0xFFF for k in range(PER_FRAME)]
+            numbers += own
         if len(numbers) < FRAMES * PER_FRAME:
             return None
         del self._parts[puck]
@@ -125,7 +136,6 @@ class BarrettParser:
     def _values(self) -> Floats:
         missing = np.full(READINGS, np.nan)
         values: Floats = np.concatenate([self._scan.get(puck, missing) for puck in PUCKS])
-        self._scan = {}
         return values
 
 
@@ -146,7 +156,7 @@ class CanBus:
         self._interface, self._channel, self._period_s = interface, channel, 1 / rate_hz
         self._bus: Any = None
         self._asked_s = self._due_s = float("-inf")
-        self._left = 0
+        self._left, self._asked = 0, b""
 
     def listen(self) -> None:
         """Nothing waits for a peer."""
@@ -178,7 +188,8 @@ class CanBus:
             self._left -= 1
             if not self._left:
                 self._due_s = self._asked_s + self._period_s
-        return CAN_FRAME.pack(message.arbitration_id & 0xFFFF, bytes(message.data))
+        asked, self._asked = self._asked, b""  # not before an answer: a silent bus must be found silent
+        return asked + CAN_FRAME.pack(message.arbitration_id & 0xFFFF, bytes(message.data))
 
     def _ask(self) -> None:
         try:
@@ -187,13 +198,13 @@ class CanBus:
                 self.send(identifier, content)
         except self._can.CanError as error:
             raise OSError(str(error)) from error
-        self._asked_s, self._left = time.monotonic(), FRAMES * len(PUCKS)
+        self._asked_s, self._left, self._asked = time.monotonic(), FRAMES * len(PUCKS), ASKED
         self._due_s = self._asked_s + max(POLL_S, self._period_s)
 
-    def asked(self, wait_s: float = POLL_S) -> bool:
-        """Whether a puck has been asked for readings, as an emulated one waits for."""
+    def asked(self, wait_s: float) -> int:
+        """The puck that has been asked for readings, as an emulated one waits for; 0 if none."""
         message = self._bus.recv(wait_s)
-        return message is not None and message.arbitration_id in PUCKS
+        return 0 if message is None or message.arbitration_id not in PUCKS else int(message.arbitration_id)
 
     def close(self) -> None:
         """See `Transport`."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from taxelflow.condition.parameters import Conditioner
     from taxelflow.estimation.base import Estimator
     from taxelflow.estimation.smoothing.parameters import Smoothing
-    from taxelflow.pipeline.stages import Output
+    from taxelflow.messages import Output
     from taxelflow.runtime.adoption import Adoption
     from taxelflow.sensors.calibration import Calibration
     from taxelflow.slip.parameters import SlipMonitor

@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.acquire.metadata import texts_of
-from taxelflow.messages import joined
+from taxelflow.messages import Output, joined
 from taxelflow.pipeline.live.intake import Intake, block_of
 from taxelflow.pipeline.live.latency import Latencies
 from taxelflow.pipeline.live.workers import SinkWorker
 from taxelflow.pipeline.run_summary import summarise
-from taxelflow.pipeline.stages import Output
 from taxelflow.publish.sinks.base import Ending, Head, Update
 from taxelflow.publish.sinks.lines import scan_texts
 from taxelflow.publish.summary import Totals
@@ -148,19 +147,7 @@ def update_of(
     """Results as sinks take them. arrived_s: (scans,), when the scans came, monotonic; now if left out."""
     if arrived_s is None:
         arrived_s = np.full(len(output), time.monotonic())
-    return Update(
-        arrived_s,
-        output.slips,
-        output.slipping,
-        output.motions,
-        output.events,
-        output.contacts,
-        output.evidence,
-        output.statistic,
-        output.spatial,
-        list(adoptions),
-        list(missed),
-    )
+    return Update(arrived_s, output, list(adoptions), list(missed))
 
 
 class _Estimate:

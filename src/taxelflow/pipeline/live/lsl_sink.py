@@ -48,10 +48,10 @@ class LslSink(ResultSink):
     def write(self, update: Update) -> None:
         """See `Sink`."""
         stamps = (update.arrived_s - self._behind_s).tolist()
-        slipping = update.slipping.astype(float).tolist()
-        for stamp, row, slips in zip(stamps, motion_rows(update.motions), slipping, strict=True):
+        slipping = update.output.slipping.astype(float).tolist()
+        for stamp, row, slips in zip(stamps, motion_rows(update.output.motions), slipping, strict=True):
             self._motion.push_sample([*row, *slips], stamp)
-        for event in update.events:
+        for event in update.output.events:
             self._events.push_sample([msgspec.json.encode(event_row(event)).decode()], stamps[-1])
 
     def hurry(self) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import logging
 import time
 from importlib import import_module
@@ -17,6 +16,7 @@ from taxelflow.errors import AddressInvalid, ExtraMissing
 from taxelflow.numerics.clock import nanoseconds
 from taxelflow.pipeline.live.adoptions import ADOPTIONS, MISSED
 from taxelflow.publish.sinks.foxglove_messages import Drawing
+from taxelflow.publish.sinks.json_topics import SCHEMAS, Properties, json_schema
 from taxelflow.publish.sinks.lines import event_row, scan_texts, spatial_objects
 from taxelflow.publish.sinks.patient import PatientFile
 
@@ -31,18 +31,8 @@ _DRAWN_S = 1 / 30
 """Shortest time between pictures."""
 _NO_SCHEMA = 0
 """Number of MCAP for what describes itself; `rosbags` opens no file with another schema than those of ROS."""
-_NUMBER = {"type": ["number", "null"]}
-_SCHEMAS = {
-    "/slips": ("taxelflow.Slips", {"t_s": {"type": "number"}, "pads": {"type": "object"}}),
-    "/object": (
-        "taxelflow.Object",
-        dict.fromkeys(("t_s", "vx_m_s", "vy_m_s", "omega_rad_s", "x_m", "y_m"), _NUMBER),
-    ),
-    "/object3d": (
-        "taxelflow.Object3d",
-        dict.fromkeys(("t_s", "vx_m_s", "vy_m_s", "vz_m_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"), _NUMBER),
-    ),
-    "/events": ("taxelflow.Event", {"t_s": _NUMBER, "pad": {"type": "string"}, "event": {"type": "string"}}),
+_SCHEMAS: dict[str, tuple[str, Properties]] = {
+    **SCHEMAS,
     ADOPTIONS: (
         "taxelflow.Adoption",
         {"t_s": {"type": "number"}, "what": {"type": "string"}, "number": {"type": "integer"}},
@@ -105,7 +95,7 @@ class McapSink:
     def write(self, update: Update) -> None:
         """See `Sink`."""
         texts = update.texts or scan_texts(update, self._pads)
-        for t_s, text in zip(update.slips.t_s.tolist(), texts, strict=True):
+        for t_s, text in zip(update.output.slips.t_s.tolist(), texts, strict=True):
             self._write_json("/slips", t_s, {"t_s": t_s, "pads": text.pads})
             self._add("/object", nanoseconds(t_s), bytes(text.moved))
         for adoption in update.adoptions:
@@ -114,9 +104,11 @@ class McapSink:
             self._write_json(MISSED, t_s, {"t_s": t_s})
         for row in spatial_objects(update, self._pads):
             self._write_json("/object3d", float(row["t_s"]), row)
-        for event in update.events:
+        for event in update.output.events:
             self._write_json("/events", event.t_s, event_row(event))
-        if self._drawing is not None:
+        last_s = float(update.output.slips.t_s[-1])
+        if self._drawing is not None and not 0.0 <= last_s - self._arrows_s < _DRAWN_S:
+            self._arrows_s = last_s
             arrows = self._drawing.arrows(update)
             self._add(arrows.topic, arrows.t_ns, arrows.content)
 
@@ -135,7 +127,7 @@ class McapSink:
         self._scans.finish()
         self._buffered.close()
 
-    _drawn_s = float("-inf")
+    _drawn_s = _arrows_s = float("-inf")
     _flushed_s = float("-inf")
     _unsure = 0
     """Scans since the last flush: they stand in chunks, of which a part cannot be read."""
@@ -163,8 +155,8 @@ class McapSink:
             return writer.register_channel(topic, "json", _NO_SCHEMA)
         if topic in _SCHEMAS:
             name, properties = _SCHEMAS[topic]
-            schema = json.dumps({"title": name, "type": "object", "properties": properties}).encode()
-            return writer.register_channel(topic, "json", writer.register_schema(name, "jsonschema", schema))
+            schema_id = writer.register_schema(name, "jsonschema", json_schema(name, properties))
+            return writer.register_channel(topic, "json", schema_id)
         if self._drawing is None:
             raise RuntimeError("a picture was written without a drawing")
         drawn = self._drawing.schemas[topic]

@@ -121,14 +121,14 @@ class Ros2Sink:
 
     def write(self, update: Update) -> None:
         """See `Sink`."""
-        motions = update.motions
+        motions = update.output.motions
         for scan, t_s in enumerate(motions.t_s.tolist()):
             if np.isfinite(motions.velocity[scan, :2]).all():
                 moved = over_skin(motions.velocity[scan], motions.velocity_covariance[scan])
                 self._object.write(self._types.twist(t_s, *moved))
-        if update.spatial is not None:
-            self._write_spatial(update.spatial)
-        for event in update.events:
+        if update.output.spatial is not None:
+            self._write_spatial(update.output.spatial)
+        for event in update.output.events:
             self._events.write(self._types.text(event_row(event)))
 
     def _write_spatial(self, motions: SpatialMotions) -> None:

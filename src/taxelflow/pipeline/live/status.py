@@ -103,7 +103,7 @@ def intake_words(report: Report, rate_hz: float) -> str:
 def _pads(report: Report) -> Table:
     """Contact and motion of each pad; an arrow for the way it slips."""
     table = quiet_table("pad:", "contact:", "x mm", "y mm", "mm/s", "slip:", "quality:")
-    slips, slipping = report.latest.slips, report.latest.slipping  # type: ignore[union-attr]
+    slips, slipping = report.latest.output.slips, report.latest.output.slipping  # type: ignore[union-attr]
     for pad, name in enumerate(report.pads):
         velocity = slips.velocity[-1, pad]
         speed = 1e3 * math.hypot(*velocity[:2].tolist())

@@ -62,8 +62,9 @@ class LiveView:
 
     def write(self, update: Update) -> None:
         """Results."""
-        results = Results(update.slips, update.slipping, update.motions, update.statistic, update.spatial)
-        self.history.add(results, update.events)
+        output = update.output
+        results = Results(output.slips, output.slipping, output.motions, output.statistic, output.spatial)
+        self.history.add(results, output.events)
 
     def tick(self) -> None:
         """The page has a thread of its own."""

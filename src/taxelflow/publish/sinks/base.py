@@ -10,17 +10,7 @@ if TYPE_CHECKING:
 
     from msgspec import Raw
 
-    from taxelflow.messages import (
-        Bools,
-        Contacts,
-        Event,
-        Floats,
-        LearnedPattern,
-        Motions,
-        RawScans,
-        Slips,
-        SpatialMotions,
-    )
+    from taxelflow.messages import Floats, LearnedPattern, Output, RawScans
     from taxelflow.publish.summary import Summary
     from taxelflow.runtime.adoption import Adoption
     from taxelflow.sensors.sensor import Sensor
@@ -37,24 +27,16 @@ class ScanText(NamedTuple):
 class Update:
     """Results of some scans. arrived_s: (scans,), when each came, by the computer's monotonic clock. missed: times
     of scans, s, for which there was no time since the last update. texts: of each scan; none if no sink wants any.
-    The other fields as in `Output`.
     """
 
     arrived_s: Floats
-    slips: Slips
-    slipping: Bools
-    motions: Motions
-    events: list[Event]
-    contacts: Contacts
-    evidence: Floats
-    statistic: Floats
-    spatial: SpatialMotions | None = None
+    output: Output
     adoptions: list[Adoption] = field(default_factory=list)
     missed: list[float] = field(default_factory=list)
     texts: list[ScanText] = field(default_factory=list)
 
     def __len__(self) -> int:
-        return len(self.slips)
+        return len(self.output)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +65,8 @@ class Sink(Protocol):
 
     lossless: nothing is dropped for it. raw: it wants scans as they arrived, too. dropped: what it could not pass on.
     gathers_s: time for which what has come may wait, s, so that more is written at once. One that writes `Update.texts`
-    has an attribute `texts` that is true, one that writes files an attribute `files`: their paths.
+    has an attribute `texts` that is true, and gets results as they came, not joined; one that writes files an attribute
+    `files`: their paths.
     """
 
     lossless: bool

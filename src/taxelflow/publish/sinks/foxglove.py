@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 from taxelflow.errors import ExtraMissing, SinkUnusable
 from taxelflow.numerics.clock import nanoseconds
 from taxelflow.publish.sinks.foxglove_messages import Drawing
-from taxelflow.publish.sinks.lines import event_row, object_rows, pad_rows
+from taxelflow.publish.sinks.json_topics import SCHEMAS, json_schema
+from taxelflow.publish.sinks.lines import event_row, object_rows, pad_rows, spatial_objects
 from taxelflow.runtime.endpoints import authority
 
 if TYPE_CHECKING:
@@ -47,8 +48,13 @@ class FoxgloveServer:
             for topic, schema in self._drawing.schemas.items()
         }
         self._results = {
-            topic: foxglove.Channel(topic, message_encoding="json", context=context)
-            for topic in ("/slips", "/object", "/events")
+            topic: foxglove.Channel(
+                topic,
+                schema=foxglove.Schema(name=name, encoding="jsonschema", data=json_schema(name, properties)),
+                message_encoding="json",
+                context=context,
+            )
+            for topic, (name, properties) in SCHEMAS.items()
         }
         try:
             self._server = foxglove.start_server(
@@ -68,11 +74,13 @@ class FoxgloveServer:
         """See `Sink`."""
         arrows = self._drawing.arrows(update)
         self._drawn["/arrows"].log(arrows.content, log_time=arrows.t_ns)
-        t_s = float(update.slips.t_s[-1])
+        t_s = float(update.output.slips.t_s[-1])
         now = {"log_time": nanoseconds(t_s)}
         self._results["/slips"].log({"t_s": t_s, "pads": _known(pad_rows(update, self._pads)[-1])}, **now)
-        self._results["/object"].log(_known(object_rows(update.motions)[-1]), **now)
-        for event in update.events:
+        self._results["/object"].log(_known(object_rows(update.output.motions)[-1]), **now)
+        for row in spatial_objects(update, self._pads)[-1:]:
+            self._results["/object3d"].log(_known(row), **now)
+        for event in update.output.events:
             self._results["/events"].log(_known(event_row(event)), log_time=nanoseconds(event.t_s))
 
     def tick(self) -> None:

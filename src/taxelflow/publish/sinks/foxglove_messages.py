@@ -96,7 +96,7 @@ class Drawing:
     def arrows(self, update: Update) -> Drawn:
         """The velocity of the object on each pad in the last of these scans; red where it slips."""
         messages, layout = self._messages, self._layout
-        velocity, place = update.slips.velocity[-1], update.contacts.centroid[-1]
+        velocity, place = update.output.slips.velocity[-1], update.output.contacts.centroid[-1]
         arrows = []
         for pad in range(layout.pad_count):
             length = _ARROW_S * float(np.hypot(*velocity[pad, :2]))
@@ -104,7 +104,7 @@ class Drawing:
                 continue
             x, y = transform(self._place[pad], place[pad]).tolist()
             turn = float(np.arctan2(velocity[pad, 1], velocity[pad, 0]) + self._place[pad, 2])
-            red = 1.0 if update.slipping[-1, pad] else 0.2
+            red = 1.0 if update.output.slipping[-1, pad] else 0.2
             arrows.append(
                 messages.ArrowPrimitive(
                     pose=self._pose(x, y, turn),
@@ -115,7 +115,7 @@ class Drawing:
                     color=messages.Color(r=red, g=0.2, b=1.2 - red, a=1.0),
                 )
             )
-        t_ns = nanoseconds(float(update.slips.t_s[-1]))
+        t_ns = nanoseconds(float(update.output.slips.t_s[-1]))
         entity = messages.SceneEntity(timestamp=self._stamp(t_ns), frame_id=_FRAME, id="slip", arrows=arrows)
         return Drawn("/arrows", t_ns, messages.SceneUpdate(entities=[entity]).encode())
 

@@ -16,7 +16,7 @@ from taxelflow.publish.spatial import COLUMNS, spatial_values
 from taxelflow.publish.spatial import NAME as SPATIAL
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Event, Motions, Slips
+    from taxelflow.messages import Event, Motions
     from taxelflow.publish.sinks.base import Update
 
 _NUMBERS = ("x_m", "y_m", "theta_rad", "vx_m_s", "vy_m_s", "omega_rad_s", "std_x_m", "std_y_m")
@@ -35,7 +35,7 @@ def json_lines(update: Update, pads: tuple[str, ...]) -> list[bytes]:
     texts = update.texts or scan_texts(update, pads)
     in_space = spatial_objects(update, pads)
     lines = []
-    for scan, (t_s, age, text) in enumerate(zip(update.slips.t_s.tolist(), ages, texts, strict=True)):
+    for scan, (t_s, age, text) in enumerate(zip(update.output.slips.t_s.tolist(), ages, texts, strict=True)):
         line = {"t_s": t_s, "age_ms": age, "pads": text.pads, "object": text.moved}
         if in_space:
             line[SPATIAL] = in_space[scan]
@@ -47,18 +47,18 @@ def json_lines(update: Update, pads: tuple[str, ...]) -> list[bytes]:
 def scan_texts(update: Update, pads: tuple[str, ...]) -> list[ScanText]:
     """For each scan, its results as JSON; NaN is null."""
     encode, raw = msgspec.json.encode, msgspec.Raw
-    rows = zip(pad_rows(update, pads), object_rows(update.motions), strict=True)
+    rows = zip(pad_rows(update, pads), object_rows(update.output.motions), strict=True)
     return [ScanText(raw(encode(by_pad)), raw(encode(moved))) for by_pad, moved in rows]
 
 
 def pad_rows(update: Update, pads: tuple[str, ...]) -> list[dict[str, Any]]:
     """For each scan, what is known of each pad, as structs."""
-    slips: Slips = update.slips
+    output, slips = update.output, update.output.slips
     numbers = np.empty((*slips.contact.shape, len(_NUMBERS)))
     numbers[..., :3], numbers[..., 3:6] = slips.pose, slips.velocity
     with np.errstate(invalid="ignore"):
         np.sqrt(slips.covariance.diagonal(axis1=2, axis2=3)[..., :2], out=numbers[..., 6:])
-    flags = zip(slips.contact.tolist(), update.slipping.tolist(), slips.quality.tolist(), numbers.tolist(), strict=True)
+    flags = zip(slips.contact.tolist(), output.slipping.tolist(), slips.quality.tolist(), numbers.tolist(), strict=True)
     return [
         {
             pad: _Pad(touched, *row, slides, _QUALITY[judged])
@@ -75,16 +75,16 @@ def object_rows(motions: Motions) -> list[Any]:
 
 def spatial_objects(update: Update, pads: tuple[str, ...]) -> list[dict[str, float | int | str]]:
     """For each scan, the columns of object3d.csv; none where the places of the pads in space are unknown."""
-    if update.spatial is None:
-        return []
-    return [dict(zip(COLUMNS, row, strict=True)) for row in spatial_values(update.spatial, pads)]
+    spatial = update.output.spatial
+    return [] if spatial is None else [dict(zip(COLUMNS, row, strict=True)) for row in spatial_values(spatial, pads)]
 
 
 def events_by_scan(update: Update) -> dict[int, list[dict[str, Any]]]:
     """Events as rows of events.csv, by the scan of the update that reports them."""
     found: dict[int, list[dict[str, Any]]] = {}
-    for event in update.events:
-        scan = min(int(np.searchsorted(update.slips.t_s, event.t_s)), len(update) - 1)
+    t_s = update.output.slips.t_s
+    for event in update.output.events:
+        scan = min(int(np.searchsorted(t_s, event.t_s)), len(t_s) - 1)
         found.setdefault(scan, []).append(event_row(event))
     return found
 

@@ -25,7 +25,7 @@ _GROUP_S = 2.0
 
 
 class ParquetSink(ResultSink):
-    """slips.parquet, object.parquet and events.parquet. Files of a killed run cannot be read."""
+    """slips.parquet, object.parquet and events.parquet: `.part` files, which cannot be read, until the run ends."""
 
     lossless = True
     gathers_s = 0.05
@@ -33,6 +33,7 @@ class ParquetSink(ResultSink):
     def __init__(self, directory: Path) -> None:
         self._directory, self.dropped = directory, 0
         self.files = tuple(directory / f"{name}.parquet" for name in NAMES)
+        self._parts = tuple(file.with_name(f"{file.name}.part") for file in self.files)
         self._held: list[Update] = []
         self._written_s = time.monotonic()
         with suppress(ImportError):  # that takes a second, for which no source must wait once it is open
@@ -41,15 +42,17 @@ class ParquetSink(ResultSink):
 
     def open(self, head: Head) -> None:
         """See `Sink`. Raises ExtraMissing, too."""
-        self._tables = ParquetTables(self._directory, head.pads)
+        self._tables = ParquetTables(self._directory, head.pads, ".parquet.part")
         try:
             self._directory.mkdir(parents=True, exist_ok=True)
-            self._lock = opened_alone(self.files[0])  # pyarrow opens its files itself
+            self._lock = opened_alone(self._parts[0])  # pyarrow opens its files itself
             try:
                 self._tables.__enter__()
             except OSError:
                 os.close(self._lock)
                 raise
+            for older in self.files:
+                older.unlink(missing_ok=True)  # what stands here after a failure is of this run
         except OSError as error:
             raise SinkUnusable(f"parquet:{self._directory}", error.strerror or str(error)) from error
 
@@ -73,6 +76,8 @@ class ParquetSink(ResultSink):
                 self._write()
             with self._all_or_nothing():
                 self._tables.__exit__()
+            for part, file in zip(self._parts, self.files, strict=True) if not self.dropped else ():
+                part.replace(file)
         finally:
             os.close(self._lock)
 
@@ -88,7 +93,7 @@ class ParquetSink(ResultSink):
             raise
 
     def _write(self) -> None:
-        whole = joined(self._held)
+        whole = joined(self._held).output
         self._held, self._written_s = [], time.monotonic()
         with self._all_or_nothing():
             self._tables.write(whole.slips, whole.slipping, whole.motions, whole.events, whole.evidence)

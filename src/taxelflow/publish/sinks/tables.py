@@ -47,11 +47,12 @@ class TablesSink(ResultSink):
     def write(self, update: Update) -> None:
         """See `Sink`. A scan is lost if its rows are in one of the tables: the last ones of what was written now."""
         before = [(file.tell(), file.lost) for file in self._opened]
+        output = update.output
         self._tables.write(
-            update.slips, update.slipping, update.motions, update.events, update.contacts, update.evidence
+            output.slips, output.slipping, output.motions, output.events, output.contacts, output.evidence
         )
-        if update.spatial is not None:
-            self._tables.write_spatial(update.spatial)
+        if output.spatial is not None:
+            self._tables.write_spatial(output.spatial)
         before += [(0, 0)] * (len(self._opened) - len(before))  # a table that began with this update
         shares = [
             (file.lost - lost) / (file.tell() - at)
@@ -67,7 +68,7 @@ class TablesSink(ResultSink):
 
     def close(self, ending: Ending) -> None:
         """See `Sink`."""
-        if ending.failed:  # rows stay in the .part files
+        if ending.failed or any(file.lost for file in self._opened):  # rows stay in the .part files
             self._tables.__exit__(RuntimeError)
             return
         self._tables.__exit__(None)

@@ -43,7 +43,7 @@ def charts(load_unit: str) -> dict[str, Chart]:
             compared=True,
         ),
         "turn": Chart("rate of turn, deg/s", (("turn", _GREEN),), compared=True),
-        "load": Chart(f"load, {load_unit}", (("load", _BLUE),), points=False),
+        "load": Chart(f"load: sum of all taxels, {load_unit}", (("load", _BLUE),), points=False),
         "test": Chart(
             "slip test, log of statistic over threshold (line: slips above)",
             (("statistic", _ORANGE), ("threshold", _GREY)),

@@ -27,7 +27,7 @@ _CHUNK, _TOGETHER = 256, 32
 
 
 class Results(NamedTuple):
-    """Results of consecutive scans, as in `pipeline.Output`."""
+    """Results of consecutive scans, as in `messages.Output`."""
 
     slips: Slips
     slipping: Bools

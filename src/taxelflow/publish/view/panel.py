@@ -245,7 +245,7 @@ def _table(pads: tuple[str, ...], results: Results | None, scale: float, unit: s
     unseen = "".join(f"  \n_not observable: {words}_" for words in blind)
     more = f"\n\n{len(touched) - len(most)} more pads in contact" if len(touched) > len(most) else ""
     return (
-        "\n".join([f"| pad | state | mm/s | {unit} | quality |", "|---|---|---|---|---|", *rows])
+        "\n".join([f"| pad | state | mm/s | sum of taxels, {unit} | quality |", "|---|---|---|---|---|", *rows])
         + more
         + (f"\n{unseen}" if unseen else "")
     )

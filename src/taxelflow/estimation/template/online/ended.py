@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from functools import partial
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 _MOST_WAITING = 32
 """From this number on they are made even while something is being learned."""
+_MOST_HELD = 64
+"""Contacts that wait at most, those of most scans: their scans are held for it."""
 
 
 def map_of(pad: str, known: LocalMap, m: Track, pitch_m: float) -> Work:
@@ -51,7 +54,7 @@ class Ended:
     def __init__(self, worker: Runs, *, at_once: bool) -> None:
         self.kept = Maps()
         self._worker, self._at_once = worker, at_once
-        self._waiting: deque[Work] = deque()
+        self._waiting: deque[tuple[int, Work]] = deque()
         self._making: Future[LearnedPattern | None] | None = None
 
     @property
@@ -59,12 +62,14 @@ class Ended:
         """Whether any map is not done."""
         return self._making is not None or bool(self._waiting)
 
-    def add(self, work: Work) -> None:
-        """One more, by this function."""
+    def add(self, work: Work, scans: int) -> None:
+        """One more, by this function, from a number of scans."""
         if self._at_once:
             self._keep(work())
-        else:
-            self._waiting.append(work)
+            return
+        self._waiting.append((scans, work))
+        if len(self._waiting) > _MOST_HELD:
+            self._waiting.remove(min(self._waiting, key=itemgetter(0)))
 
     def go_on(self, *, busy: bool) -> None:
         """Keep what is done, and begin the next when nothing more urgent is going on."""
@@ -72,7 +77,7 @@ class Ended:
             self._keep(self._making.result())
             self._making = None
         if self._making is None and self._waiting and (not busy or len(self._waiting) > _MOST_WAITING):
-            self._making = self._worker.submit(self._waiting.popleft())
+            self._making = self._worker.submit(self._waiting.popleft()[1])
 
     def finish(self) -> None:
         """Wait for all."""

@@ -296,4 +296,5 @@ class LocalMaps:
         known = self.learners[pad].learned
         if known is not None:
             self.gains.ended(pad, known.keyframes.scanned)
-            self.ended.add(map_of(self._layout.pads[pad], known, self.track(pad), float(self.hand.pitch_m[pad])))
+            work = map_of(self._layout.pads[pad], known, self.track(pad), float(self.hand.pitch_m[pad]))
+            self.ended.add(work, len(known.keyframes))

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
+_ASKED_S = 1.0
+"""Time for which emulated pucks wait for a request."""
+
 
 class WebSocketServer:
     """Sends messages to all who are connected. welcome: what each gets first."""
@@ -170,8 +173,8 @@ class Barrett:
         self._bus.shut()
 
     def wait(self) -> None:
-        """Until a puck is asked for readings."""
-        while not self._bus.asked():
+        """See `Emulator`."""
+        while not self._bus.asked(POLL_S):
             pass
 
     def encode(self, _t_s: float, values: Floats) -> bytes:
@@ -183,9 +186,12 @@ class Barrett:
         )
 
     def send(self, message: bytes) -> bool:
-        """See `Emulator`."""
-        while self._bus.asked(0.0):  # a recording has its own pace
-            pass
+        """See `Emulator`: pucks send when all have been asked, and then once."""
+        until, due = time.monotonic() + _ASKED_S, False
+        while (puck := self._bus.asked(0.0 if due else POLL_S)) or not due:
+            due = due or puck == barrett.PUCKS[-1]
+            if not due and time.monotonic() >= until:
+                return False
         whole = len(message) // barrett.CAN_FRAME.size * barrett.CAN_FRAME.size
         for identifier, content in barrett.CAN_FRAME.iter_unpack(message[:whole]):
             self._bus.send(identifier, content)
