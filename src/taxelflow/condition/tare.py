@@ -65,23 +65,29 @@ def estimate_offset(
     windows: (windows, scans, taxels) of this pad, NaN where missing. noise, masked: (taxels,). neighbours: (pairs, 2)
     of taxels. reference: full scale or largest reading, in the same unit.
     """
+    idle = _idle_windows(windows, noise, masked)
+    if not len(idle) or _always_changes(idle[:, :, ~masked], noise[~masked]):
+        return None
+    offset = np.zeros(len(masked))
+    offset[~masked] = idle[:, :, ~masked].mean(axis=(0, 1))
+    offset_std = float(noise.max()) / np.sqrt(idle.shape[0] * idle.shape[1])
+    small = np.abs(offset).max() <= MAX_OFFSET_SHARE * reference
+    return offset if small and is_unstructured(offset, masked, neighbours, offset_std) else None
+
+
+def _idle_windows(windows: Floats, noise: Floats, masked: Bools) -> Floats:
+    """The windows (windows, scans, taxels) of a pad whose sums are lowest, within the noise; none if all have gaps."""
     complete = windows[(np.isfinite(windows) | masked).all(axis=(1, 2))]
     if not complete.size:
         complete = _filled(windows, masked)
     if not complete.size:
-        return None
+        return complete
     live = complete[:, :, ~masked]
     with np.errstate(over="ignore", invalid="ignore"):
         sums = live.mean(axis=1).sum(axis=1)
         tolerance = CERTAIN * np.sqrt(np.sum(noise[~masked] ** 2) / live.shape[1])
-    idle = live[sums <= sums.min() + tolerance]
-    if _always_changes(idle, noise[~masked]):
-        return None
-    offset = np.zeros(len(masked))
-    offset[~masked] = idle.mean(axis=(0, 1))
-    offset_std = float(noise.max()) / np.sqrt(idle.shape[0] * idle.shape[1])
-    small = np.abs(offset).max() <= MAX_OFFSET_SHARE * reference
-    return offset if small and is_unstructured(offset, masked, neighbours, offset_std) else None
+    idle: Floats = complete[sums <= sums.min() + tolerance]
+    return idle
 
 
 def _always_changes(windows: Floats, noise: Floats) -> bool:
@@ -145,14 +151,17 @@ def find_offsets(
 ) -> Offsets | None:
     """Offsets of one pad: by its idle windows, else by the scans in which its taxels are unloaded; None if unknown.
 
+    Idle windows that are clipped go through the same likelihood, alone: skins that relax read less after a load.
+
     windows: (windows, scans, taxels). The rest is as in `estimate_offset` and `rest_offset`.
     """
     mean, by_mean, some = estimate_offset(windows, noise, masked, neighbours, reference), None, windows
     if mean is not None:
         by_mean = Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
-        if (windows <= cut).mean() < MAX_CLIPPED_SHARE:
+        idle = _idle_windows(windows, noise, masked)
+        if (idle[:, :, ~masked] <= cut).mean() < MAX_CLIPPED_SHARE:
             return by_mean
-        some = windows[:: 1 + len(windows) // MAX_CLIPPED_WINDOWS]
+        some = idle[:: 1 + len(idle) // MAX_CLIPPED_WINDOWS]
     return rest_offset(some.reshape(-1, windows.shape[2]), noise, masked, near, neighbours, reference, cut) or by_mean
 
 
