@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from taxelflow.condition.health import Finding
+    from taxelflow.estimation.base import Mode
     from taxelflow.messages import Floats
 
 PALM = grid_sensor(8, 10, full_scale=140e3)
@@ -158,29 +159,42 @@ def test_nothing_is_found_in_real_recordings_until_a_taxel_is_broken(recordings:
 
 
 def test_by_default_a_bad_taxel_is_reported_and_used() -> None:
-    result = estimate(recorded(faulty("stuck"), PALM))
+    result = estimate(recorded(faulty("offset"), PALM))
     assert result.summary.masked_taxels == []
     note = next(note for note in result.summary.notes if "faulty" in note)
-    assert f"taxel {BAD} (pad0, row 4, col 4) stuck at 3e+04 Pa" in note
+    assert f"taxel {BAD} (pad0, row 4, col 4) rests at 1.999e+04 Pa" in note
     assert "--condition.mask auto" in note
 
 
 def test_auto_masks_what_it_finds_and_reports_it() -> None:
-    result = estimate(recorded(faulty("stuck"), PALM), condition=Conditioner(mask="auto"))
+    result = estimate(recorded(faulty("offset"), PALM), condition=Conditioner(mask="auto"))
     assert result.summary.masked_taxels == [BAD]
     assert any(note.startswith(f"masked: taxel {BAD}") for note in result.summary.notes)
     assert not any("faulty" in note for note in result.summary.notes)
 
 
-def test_with_a_stuck_taxel_masked_the_pad_can_be_tared_and_let_go() -> None:
-    whole, session = conditioned(faulty("stuck"), PALM)
-    masked, better = conditioned(faulty("stuck"), PALM, mask="auto")
+@both_modes
+def test_a_taxel_stuck_at_a_load_is_masked_so_that_the_pad_is_tared_and_let_go(mode: Mode) -> None:
+    values = faulty("stuck")[:500]
+    scans, session = conditioned(values, PALM, mode=mode)
     assert session.baseline is not None
-    assert better.baseline is not None
-    assert (session.baseline.known[BAD], better.baseline.tared.all()) == (False, True)
-    lifted = slice(410, 490)
-    assert whole.contact[lifted].all()
-    assert not masked.contact[lifted].any()
+    assert session.baseline.tared.all()
+    assert np.flatnonzero(session.baseline.masked).tolist() == [BAD]
+    assert [(finding.taxel, finding.fault) for finding in session.baseline.findings] == [(BAD, "stuck")]
+    assert not scans.contact[410:490].any()
+    result = estimate(recorded(values, PALM), method="lnorm", mode=mode)
+    assert any(note.startswith(f"masked: taxel {BAD} (pad0, row 4, col 4) stuck") for note in result.summary.notes)
+
+
+@pytest.mark.parametrize("level", [0.0, 140e3])
+def test_a_taxel_that_may_be_clipped_is_not_masked(level: float) -> None:
+    """One that reads nothing may be unloaded, one at full scale may be pressed: neither is surely stuck."""
+    values = np.maximum(wandering(), 0.0)
+    values[:, BAD] = level
+    _, session = conditioned(values, PALM)
+    assert session.baseline is not None
+    assert [finding.fault for finding in session.baseline.findings] == ["stuck"]
+    assert not session.baseline.masked.any()
 
 
 def test_a_list_masks_what_it_names() -> None:

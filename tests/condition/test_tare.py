@@ -277,6 +277,20 @@ def test_no_offset_is_below_what_the_sensor_reads() -> None:
         np.testing.assert_array_equal(offsets.offset[low], 0.0)
 
 
+def test_what_a_skin_reads_after_a_load_is_not_the_offset_of_an_idle_pad_that_clips() -> None:
+    """The skin relaxes: after the load that one half bears by turns, it reads less than before, here by 8 deviations.
+    Offsets, of which half are clipped, are those of the idle scans before.
+    """
+    random, scan = np.random.default_rng(3), np.arange(120)[:, np.newaxis]
+    bias = np.where(CHECKERBOARD > 0, 9.0, 0.0)
+    left = (SQUARE.col < 3) == ((scan // 24) % 2 == 1)
+    change = np.where(left, 2000.0, np.where(scan < 48, 0.0, -8.0)) * (scan >= 24)
+    offsets = offsets_of(np.maximum(bias + change + random.normal(0, 1, change.shape), 0.0), cut=0.0)
+    assert offsets is not None
+    assert offsets.known.all()
+    np.testing.assert_allclose(offsets.offset, bias, atol=1.0)
+
+
 def test_a_masked_taxel_of_a_pad_that_is_never_idle_has_neither_offset_nor_deviation() -> None:
     masked = np.isin(np.arange(36), [3, 20])
     bias = np.random.default_rng(2).normal(100, 20, 36)

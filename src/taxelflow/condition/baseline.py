@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ from taxelflow.condition.tare import Offsets, find_offsets
 from taxelflow.condition.units import SATURATED_SHARE, full_scale
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.rounding import CERTAIN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -30,8 +32,8 @@ class Baseline:
 
     offset, noise: (taxels,), of readings before any filter. offset_std: (taxels,), standard deviation of the offset's
     error; inf where the offset is unknown. known: (taxels,), whether the offset is from the taxel's own scans. tared:
-    (pads,), without groups, whether any offset of a pad is. masked: (taxels,), declared off, without any reading, or
-    masked by option. findings: faulty taxels, masked or not.
+    (pads,), without groups, whether any offset of a pad is. masked: (taxels,), declared off, without any reading, stuck
+    at a load, or masked by option. findings: faulty taxels, masked or not.
     """
 
     offset: Floats
@@ -67,6 +69,8 @@ def estimate_baseline(
 def update_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline) -> Baseline:
     """The baseline of a stream from a larger sample: noise, faults, and the offsets that were unknown before."""
     noise, masked, findings = _noise_and_faults(parameters, sensor, sample, before.masked)
+    kept = [found for found in before.findings if before.masked[found.taxel]]  # what is masked is not judged again
+    findings = tuple(sorted([*kept, *findings], key=attrgetter("taxel")))
     same = replace(before, noise=noise, masked=masked, findings=findings)
     return _with_offsets(parameters, sensor, sample, same, causal=True)
 
@@ -126,13 +130,25 @@ def with_masked(masked: Bools, taxels: Iterable[int]) -> Bools:
 def _noise_and_faults(
     parameters: ConditionSettings, sensor: Sensor, sample: Sample, masked: Bools
 ) -> tuple[Floats, Bools, tuple[Finding, ...]]:
-    """Noise, masks and findings. Masked taxels are not judged; with `mask` auto faulty ones are masked as well."""
+    """Noise, masks and findings. Masked taxels are not judged; with `mask` auto faulty ones are masked as well.
+
+    Those stuck at a load always are: it would count as a contact that never ends, and stop the tare of its pad.
+    """
     noise = _noise(sensor, sample, masked)
     findings = find_faults(sample.windows, noise, masked, sensor.layout)
-    if parameters.mask == "auto" and findings:
-        masked = with_masked(masked, (finding.taxel for finding in findings))
+    least = lowest_reading(sample.windows) + CERTAIN * noise
+    held = np.stack([least, SATURATED_SHARE * full_scale(sensor)])  # at the lowest or largest reading it may be clipped
+    off = [found.taxel for found in findings if parameters.mask == "auto" or _is_stuck_within(found, held)]
+    if off:
+        masked = with_masked(masked, off)
         noise = _noise(sensor, sample, masked)
     return noise, masked, findings
+
+
+def _is_stuck_within(found: Finding, limits: Floats) -> bool:
+    """Whether a taxel is stuck between the limits (2, taxels) of its readings."""
+    least, most = limits[:, found.taxel]
+    return found.fault == "stuck" and bool(least < found.value < most)
 
 
 def _noise(sensor: Sensor, sample: Sample, masked: Bools) -> Floats:

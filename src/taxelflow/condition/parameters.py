@@ -35,9 +35,9 @@ class Conditioner:
     """Handling of scans that equal the one before, bit for bit. drop: leave out those that a logger wrote twice, by the
     noise of loaded taxels (an idle sensor that clips to 0 repeats itself and is kept); keep: use all scans."""
     mask: str = "none"
-    """Taxels to leave out, in addition to those declared off in the recording and those without any reading. none: no
-    others; auto: faulty taxels (listed by `taxelflow info`); or a list of taxel numbers, such as 17,203. In a stream
-    auto is evaluated after 2, 4, 8, ... windows of 12 scans."""
+    """Taxels to leave out, in addition to those declared off in the recording, without any reading, or stuck at a load.
+    none: no others; auto: faulty taxels (listed by `taxelflow info`); or a list of taxel numbers, such as 17,203. In a
+    stream faults are judged after 2, 4, 8, ... windows of 12 scans."""
     drift: Drifting = "keep"
     """Drift of the offset. keep: the offset stays constant; follow: it is updated while a pad is idle, never in
     contact."""

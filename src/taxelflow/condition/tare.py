@@ -10,7 +10,8 @@ deviation. A pad that is loaded everywhere from the first to the last scan keeps
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from taxelflow.condition.resting import NEAR_LOAD_SHARE, far_from_loads, find_re
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.centroid import LOADED_SIGMAS
 from taxelflow.numerics.robust import robust_std
-from taxelflow.numerics.rounding import CERTAIN
+from taxelflow.numerics.rounding import CERTAIN, SIGNIFICANT
 
 MAX_OFFSET_SHARE = NEAR_LOAD_SHARE
 """Largest offset as a share of the reference (full scale, or the largest reading): a larger one may be a load."""
@@ -86,23 +87,29 @@ def estimate_offset(
     windows: (windows, scans, taxels) of this pad, NaN where missing. noise, masked: (taxels,). neighbours: (pairs, 2)
     of taxels. reference: full scale or largest reading, in the same unit.
     """
+    idle = _idle_windows(windows, noise, masked)
+    if not len(idle) or _always_changes(idle[:, :, ~masked], noise[~masked]):
+        return None
+    offset = np.zeros(len(masked))
+    offset[~masked] = idle[:, :, ~masked].mean(axis=(0, 1))
+    offset_std = float(noise.max()) / np.sqrt(idle.shape[0] * idle.shape[1])
+    small = np.abs(offset).max() <= MAX_OFFSET_SHARE * reference
+    return offset if small and is_unstructured(offset, masked, neighbours, offset_std) else None
+
+
+def _idle_windows(windows: Floats, noise: Floats, masked: Bools) -> Floats:
+    """The windows (windows, scans, taxels) of a pad whose sums are lowest, within the noise; none if all have gaps."""
     complete = windows[(np.isfinite(windows) | masked).all(axis=(1, 2))]
     if not complete.size:
         complete = _filled(windows, masked)
     if not complete.size:
-        return None
+        return complete
     live = complete[:, :, ~masked]
     with np.errstate(over="ignore", invalid="ignore"):
         sums = live.mean(axis=1).sum(axis=1)
         tolerance = CERTAIN * np.sqrt(np.sum(noise[~masked] ** 2) / live.shape[1])
-    idle = live[sums <= sums.min() + tolerance]
-    if _always_changes(idle, noise[~masked]):
-        return None
-    offset = np.zeros(len(masked))
-    offset[~masked] = idle.mean(axis=(0, 1))
-    offset_std = float(noise.max()) / np.sqrt(idle.shape[0] * idle.shape[1])
-    small = np.abs(offset).max() <= MAX_OFFSET_SHARE * reference
-    return offset if small and is_unstructured(offset, masked, neighbours, offset_std) else None
+    idle: Floats = complete[sums <= sums.min() + tolerance]
+    return idle
 
 
 def _always_changes(windows: Floats, noise: Floats) -> bool:
@@ -166,15 +173,28 @@ def find_offsets(
 ) -> Offsets | None:
     """Offsets of one pad: by its idle windows, else by the scans in which its taxels are unloaded; None if unknown.
 
+    Idle windows that are clipped go through the same likelihood, alone, too: skins that relax read less after a load.
+    Where all windows give another offset, that of the idle ones counts.
+
     windows: (windows, scans, taxels). The rest is as in `estimate_offset` and `rest_offset`.
     """
-    mean, by_mean, some = estimate_offset(windows, noise, masked, neighbours, reference), None, windows
-    if mean is not None:
-        by_mean = Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
-        if (windows <= cut).mean() < _IDLE.clipped_share:
-            return by_mean
-        some = windows[:: 1 + len(windows) // _IDLE.clipped_windows]
-    return rest_offset(some.reshape(-1, windows.shape[2]), noise, masked, near, neighbours, reference, cut) or by_mean
+    at_rest = partial(
+        rest_offset, noise=noise, masked=masked, near=near, neighbours=neighbours, reference=reference, cut=cut
+    )
+    mean = estimate_offset(windows, noise, masked, neighbours, reference)
+    if mean is None:
+        return at_rest(windows.reshape(-1, windows.shape[2]))
+    by_mean = Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
+    idle = _idle_windows(windows, noise, masked)
+    if (idle[:, :, ~masked] <= cut).mean() < _IDLE.clipped_share:
+        return by_mean
+    some, before = (one[:: 1 + len(one) // _IDLE.clipped_windows].reshape(-1, one.shape[2]) for one in (windows, idle))
+    found, alone = at_rest(some), at_rest(before) or by_mean
+    if found is None:
+        return alone
+    apart = np.abs(found.offset - alone.offset) > SIGNIFICANT * np.hypot(found.std, alone.std)
+    apart |= ~found.known
+    return Offsets(*(np.where(apart, *pair) for pair in zip(astuple(alone), astuple(found), strict=True)))
 
 
 def rest_offset(

@@ -131,11 +131,12 @@ def test_an_object_that_comes_again_is_reported_by_the_same_point(theta: float, 
     np.testing.assert_allclose(reported_place(m, m.state) - m.state[:2], turned_by(on_map, theta), atol=1e-9)
 
 
-@pytest.mark.parametrize("case", ["does not turn", "grows", "known before", "in line"])
+@pytest.mark.parametrize("case", ["does not turn", "grows", "changes", "known before", "in line"])
 def test_the_point_stays_on_the_centre_of_pressure(case: str) -> None:
     learned, reported, _, _ = turning(0)
     m = track()
     learned.turns, learned.grows = case != "does not turn", case == "grows"
+    learned.changing = case == "changes"
     m.arm_load = np.inf if case == "known before" else 1.0
     m.across[0] = 3.0 if case == "in line" else 0.0
     hold(m, learned, reported, PITCH_M)

@@ -84,15 +84,15 @@ class Poses:
         return self._sharing(shared, pitch_m)
 
     def doubted(self, rival: Floats, pitch_m: float) -> Poses:
-        """With the distance (scans, 2), in pitches, of a hypothesis that explains nearly as much in the covariance.
+        """With the distance (scans, 3), in pitches and rad, of a hypothesis that explains nearly as much in the
+        covariance.
 
         Consecutive scans share it: it adds nothing to the noise of a step.
         """
         if len(rival) != len(self):
             return self
-        shared = np.zeros_like(self.covariance)
-        shared[:, :2, :2] = pitch_m**2 * rival[:, :, np.newaxis] * rival[:, np.newaxis, :]
-        return self._sharing(shared, pitch_m)
+        apart = rival * np.array([pitch_m, pitch_m, 1.0])
+        return self._sharing(apart[:, :, np.newaxis] * apart[:, np.newaxis, :], pitch_m)
 
     def with_map(self, error: Floats, solved: Solved, scanned: Scanned, pitch_m: float) -> Poses:
         """With the map's part (scans, 5, 5) of the states' covariance, see `map_doubt`, in that of the poses."""

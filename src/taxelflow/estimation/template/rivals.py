@@ -30,14 +30,15 @@ def agreement(best: Solved, other: Solved, *, most: float = _SAME) -> Bools:
 
 
 def apart_by_turn(best: Solved, rival: Solved) -> Floats:
-    """(scans, 2), `distance` of two hypotheses, of which one turns."""
-    return distance(best.states, rival.states, states_of((best if best.turns else rival).states).theta)
+    """(scans, 3), `distance` of two hypotheses, of which one turns, and in rad their angle, one constant taken off."""
+    turn = np.unwrap(states_of((best if best.turns else rival).states).theta)
+    return np.column_stack([distance(best.states, rival.states, turn), turn - turn.mean()])
 
 
 def apart_by_growth(best: Solved, rival: Solved, scanned: Scanned) -> Floats:
-    """(scans, 2), in pitches, distance of the reported points of two hypotheses, of which one grows."""
+    """(scans, 3), in pitches, distance of the reported points of two hypotheses, of which one grows; no angle."""
     apart = reported(rival, scanned) - reported(best, scanned)
-    return apart - np.median(apart, axis=0)
+    return np.column_stack([apart - np.median(apart, axis=0), np.zeros(len(apart))])
 
 
 def reported(solved: Solved, scanned: Scanned) -> Floats:

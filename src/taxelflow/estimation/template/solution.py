@@ -26,8 +26,8 @@ class Solved:
     gain_std: of the gains around 1. turns, grows: whether the object turns, and its contact grows with the load
     around the origin of the pattern's frame. shown: whether its turn is more than faults of the sensor explain.
     agrees: (scans,), whether independent starts put the object at the same place; empty where there was one start.
-    rival: (scans, 2), in pitches, how far from here a hypothesis that explains the scans nearly as well puts the
-    object, one that turns where this does not, or the reverse; growth: the same of one that grows or does not; each
+    rival: (scans, 3), in pitches and rad, how far from here a hypothesis that explains the scans nearly as well puts
+    the object, one that turns where this does not, or the reverse; growth: the same of one that grows or does not; each
     is empty if there is none. dead: taxels that do not answer. gains: (taxels,), by which the readings were
     divided; empty if they were not. heights: whether the pattern is one of heights, see `depth`; depth: (scans,),
     of such a pattern; empty if it stays the same. hidden: (2,), see `hidden_motion`.
@@ -42,8 +42,8 @@ class Solved:
     grows: bool = False
     shown: bool = True
     agrees: Bools = field(default_factory=lambda: np.ones(0, np.bool_))
-    rival: Floats = field(default_factory=lambda: np.zeros((0, 2)))
-    growth: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    rival: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    growth: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     dead: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     gains: Floats = field(default_factory=lambda: np.zeros(0))
     heights: bool = False
@@ -69,10 +69,14 @@ class Solved:
         """The same fit, with a pattern, states and depth of its own to refine."""
         return replace(self, pattern=replace(self.pattern), states=self.states.copy(), depth=self.depth.copy())
 
-    def rival_variance(self, *, turns: bool) -> float:
-        """Variance of x and y, in pitches^2, by `growth`, and by `rival` where a rival that `turns` counts."""
+    def rival_variance(self, *, turns: bool) -> Floats:
+        """(2,), variance of x and y, in pitches^2, and of theta, rad^2: by `growth`, and by `rival` where a rival that
+        `turns` counts.
+        """
         apart = (self.growth, self.rival) if turns else (self.growth,)
-        return sum(0.5 * float(np.mean(np.sum(one**2, axis=1))) for one in apart if len(one))
+        squared = [np.mean(one**2, axis=0) for one in apart if len(one)]
+        x, y, theta = sum(squared, np.zeros(3))
+        return np.array([0.5 * (x + y), theta])
 
     def middle(self, scanned: Scanned) -> Floats:
         """(2,) the point of the body whose places are given out: its centre of pressure, or where it does not grow."""

@@ -104,14 +104,15 @@ def has_own_frame(m: Track) -> bool:
 def hold(m: Track, learned: LocalMap, reported: Reported, pitch_m: float) -> None:
     """Put the reported point of an object that turns where its keyframes were reported on average.
 
-    An object that was known before, or that is seen along a line only, keeps its point, as one that grows does.
+    An object that was known before, or that is seen along a line only, keeps its point, as one that grows does; so does
+    one that changes: its few keyframes are where they were tracked, and what was reported of them holds this shift.
     """
     reported.thin(learned.keyframes.scanned.t_s)
     found = reported.off(m, learned.keyframes)
     if found is None or has_own_frame(m):
         return
     off, m.wander = found
-    if not learned.turns or learned.grows or np.any(m.across > 0.0):
+    if not learned.turns or learned.grows or learned.changing or np.any(m.across > 0.0):
         m.wander += 0.5 * float(off @ off)
         return
     m.gauge[:] += off

@@ -70,8 +70,9 @@ class LocalMap:
     unseen_error: float = 0.0
     """See `Layout`."""
     tilt: float = 0.0
-    rival: float = 0.0
-    """Variance of x and y that a tilt of the load, and another hypothesis, may explain."""
+    """Variance of x and y that a tilt of the load may explain, ..."""
+    rival: Floats = field(default_factory=lambda: np.zeros(2))
+    """(2,), ... and of x and y, and of theta, that another hypothesis may."""
     origin: Floats = field(default_factory=lambda: np.zeros(2))
     """(2,), added to what is reported: the frame of a pattern that grows is at its fixed point."""
     arm: Floats = field(default_factory=lambda: np.zeros((3, 2)))
@@ -100,9 +101,10 @@ class LocalMap:
         return self.unseen_error > 0.0 and not self.decided
 
     @property
-    def unseen(self) -> float:
-        """Variance of x and y, in pitches^2, that does not show in the residuals."""
-        return self.tilt + self.rival
+    def unseen(self) -> Floats:
+        """(2,), variance of x and y, in pitches^2, and of theta, rad^2, that does not show in the residuals."""
+        found: Floats = self.rival + np.array([self.tilt, 0.0])
+        return found
 
     @property
     def loose_gain_std(self) -> float:

@@ -208,7 +208,7 @@ class LocalMaps:
         m.turn_std = TURN_STD if learned.turns else 0.0
         m.gain_std = learned.loose_gain_std
         m.changing, m.seen, m.grows = learned.changing, learned.reports_turn, learned.grows or m.grows
-        m.slack, m.slack_t = learned.slack[0] + learned.unseen, learned.slack[1]
+        m.slack, m.slack_t = learned.slack + learned.unseen
         self._open_across(pad, learned)
         m.reach, m.undecided = learned.scanned.reach, learned.undecided
         m.open[:] = m.reach * learned.hidden
@@ -259,7 +259,7 @@ class LocalMaps:
             m.broken += 0.5 * stepped
         most = np.inf if new.anchor is None else new.anchor.variance
         m.broken, m.wander = min(m.broken, most), min(m.wander, most)
-        m.slack = new.slack[0] + new.unseen
+        m.slack = new.slack[0] + new.unseen[0]
         self.go_on(pad)
 
     def _register_again(self, pad: int) -> None:
