@@ -146,7 +146,8 @@ def _straight(scanned: Scanned, turned: Solved) -> Solved:
 def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
     """The hypothesis of the lowest cost, with the distance to its rivals.
 
-    One with a free angle is chosen only if its angle is observable; if it costs more, in the pattern of the other, too.
+    One with a free angle is chosen only if its angle is observable and its cost clearly lower; if it costs more, only
+    if the angle is observable in the pattern of the other, too.
     """
     best = _chosen(solved, scanned)
     near = [one for one in solved if one.error <= CLEARLY * best.error]
@@ -165,7 +166,9 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
     held = [one for one in ranked if not one.turns]
     free = [one for one in ranked if one.turns and one.form == best.form]
     if best.turns and held:
-        if not (explains_far_more(best, held[0], scanned) or turns_surely(best, scanned)):
+        saved = cost(held[0], scanned) - cost(best, scanned)
+        sure = saved > UNCONVERGED * len(scanned) and turns_surely(best, scanned)
+        if not (sure or explains_far_more(best, held[0], scanned)):
             return held[0]
         return replace(best, shown=keeps_its_angle(best, scanned) or outweighs_faults(best, held[0], scanned))
     if best.turns or not free:
@@ -222,9 +225,9 @@ def refined(scanned: Scanned, start: Solved) -> Solved:
     """Refine further from a coarse fit, learning the gains' spread and the error in between.
 
     A fit may be limited by its smoothing, which grows with the error: an object smaller than a taxel has a sharper
-    pattern. So it is also tried with a small error. Up to the coarse error, the sharper fit must leave no more than the
-    small one and have enough readings to show it, because it explains faults of the taxels, too. For the same reason,
-    and for its time, it is not tried there if the sensor has an `unseen_error`.
+    pattern. So it is also tried with a small error. Up to the coarse error, the sharper fit must leave clearly less and
+    have enough readings to show it, because it explains faults of the taxels, too. For the same reason, and for its
+    time, it is not tried there if the sensor has an `unseen_error`.
     """
     own = start.copy()
     best = _refined(scanned, start, most_error=np.inf)
@@ -232,7 +235,7 @@ def refined(scanned: Scanned, start: Solved) -> Solved:
         return best
     sharp = _refined(scanned, own, most_error=FINE)
     tested = np.count_nonzero(touched(scanned)) >= FEWEST * sharp.fit.free
-    if best.error <= COARSE and not (tested and sharp.error <= FINE):
+    if best.error <= COARSE and not (tested and CLEARLY * sharp.error <= best.error):
         return best
     return min(best, _by_its_error(scanned, sharp), key=lambda one: cost(one, scanned))
 
