@@ -6,7 +6,7 @@ import pytest
 from costly import mostly_long
 from synthetic import conditioned, dome, grid_sensor
 from taxelflow.condition.resting import near_taxels
-from taxelflow.condition.tare import Offsets, estimate_offset, find_offsets, is_unstructured
+from taxelflow.condition.tare import Offsets, estimate_offset, find_offsets, idle_windows, is_unstructured
 from taxelflow.messages import Bools, Floats
 
 # The rules one by one, each just inside and just outside its threshold
@@ -108,12 +108,14 @@ def test_a_pad_of_few_neighbours_is_idle_only_within_its_noise(level: float, fou
     noise = np.array([0.1, 0.5, 1.0, 0.1])
     windows = np.full((2, 12, 4), level / 24**0.5)
     neighbours = np.array([[0, 1], [1, 2], [2, 3]])
-    offset = estimate_offset(windows, noise, np.zeros(4, dtype=np.bool_), neighbours, 1e3)
+    masked = np.zeros(4, dtype=np.bool_)
+    offset = estimate_offset(idle_windows(windows, noise, masked), noise, masked, neighbours, 1e3)
     assert (offset is not None) == found
 
 
 def offset_of(windows: Floats, noise: float = 1.0, reference: float = 1e6) -> Floats | None:
-    return estimate_offset(windows, np.full(36, noise), ALL, PAIRS, reference)
+    each = np.full(36, noise)
+    return estimate_offset(idle_windows(windows, each, ALL), each, ALL, PAIRS, reference)
 
 
 @pytest.mark.parametrize(("change", "idle"), [(5.5, True), (6.5, False)])
@@ -163,7 +165,8 @@ def test_a_masked_taxel_has_no_offset_and_is_not_judged() -> None:
     masked[4:6] = True
     windows = 100.0 + CHECKERBOARD + np.zeros((3, 12, 36))
     windows[:, :, 4:6] = np.nan
-    offset = estimate_offset(windows, np.where(masked, 0.0, 1.0), masked, PAIRS, 1e6)
+    noise = np.where(masked, 0.0, 1.0)
+    offset = estimate_offset(idle_windows(windows, noise, masked), noise, masked, PAIRS, 1e6)
     np.testing.assert_allclose(offset, np.where(masked, 0.0, 100.0 + CHECKERBOARD))  # type: ignore[arg-type]
     assert accepted(np.where(masked, 1e4, CHECKERBOARD), masked=masked)
 

@@ -79,26 +79,11 @@ class Offsets:
     known: Bools
 
 
-def estimate_offset(
-    windows: Floats, noise: Floats, masked: Bools, neighbours: NDArray[np.int64], reference: float
-) -> Floats | None:
-    """Offset of one pad (taxels,) in the unit of its readings, or None if no window of it was idle.
+def idle_windows(windows: Floats, noise: Floats, masked: Bools) -> Floats:
+    """The windows of a pad whose sums are lowest, within the noise; none if all have gaps.
 
-    windows: (windows, scans, taxels) of this pad, NaN where missing. noise, masked: (taxels,). neighbours: (pairs, 2)
-    of taxels. reference: full scale or largest reading, in the same unit.
+    windows: (windows, scans, taxels), NaN where missing. noise, masked: (taxels,).
     """
-    idle = _idle_windows(windows, noise, masked)
-    if not len(idle) or _always_changes(idle[:, :, ~masked], noise[~masked]):
-        return None
-    offset = np.zeros(len(masked))
-    offset[~masked] = idle[:, :, ~masked].mean(axis=(0, 1))
-    offset_std = float(noise.max()) / np.sqrt(idle.shape[0] * idle.shape[1])
-    small = np.abs(offset).max() <= MAX_OFFSET_SHARE * reference
-    return offset if small and is_unstructured(offset, masked, neighbours, offset_std) else None
-
-
-def _idle_windows(windows: Floats, noise: Floats, masked: Bools) -> Floats:
-    """The windows (windows, scans, taxels) of a pad whose sums are lowest, within the noise; none if all have gaps."""
     complete = windows[(np.isfinite(windows) | masked).all(axis=(1, 2))]
     if not complete.size:
         complete = _filled(windows, masked)
@@ -110,6 +95,23 @@ def _idle_windows(windows: Floats, noise: Floats, masked: Bools) -> Floats:
         tolerance = CERTAIN * np.sqrt(np.sum(noise[~masked] ** 2) / live.shape[1])
     idle: Floats = complete[sums <= sums.min() + tolerance]
     return idle
+
+
+def estimate_offset(
+    idle: Floats, noise: Floats, masked: Bools, neighbours: NDArray[np.int64], reference: float
+) -> Floats | None:
+    """Offset of one pad (taxels,) in the unit of its readings, or None if none of its windows was idle.
+
+    idle: (windows, scans, taxels) of this pad, see `idle_windows`. noise, masked: (taxels,). neighbours: (pairs, 2) of
+    taxels. reference: full scale or largest reading, in the same unit.
+    """
+    if not len(idle) or _always_changes(idle[:, :, ~masked], noise[~masked]):
+        return None
+    offset = np.zeros(len(masked))
+    offset[~masked] = idle[:, :, ~masked].mean(axis=(0, 1))
+    offset_std = float(noise.max()) / np.sqrt(idle.shape[0] * idle.shape[1])
+    small = np.abs(offset).max() <= MAX_OFFSET_SHARE * reference
+    return offset if small and is_unstructured(offset, masked, neighbours, offset_std) else None
 
 
 def _always_changes(windows: Floats, noise: Floats) -> bool:
@@ -181,11 +183,11 @@ def find_offsets(
     at_rest = partial(
         rest_offset, noise=noise, masked=masked, near=near, neighbours=neighbours, reference=reference, cut=cut
     )
-    mean = estimate_offset(windows, noise, masked, neighbours, reference)
+    idle = idle_windows(windows, noise, masked)
+    mean = estimate_offset(idle, noise, masked, neighbours, reference)
     if mean is None:
         return at_rest(windows.reshape(-1, windows.shape[2]))
     by_mean = Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
-    idle = _idle_windows(windows, noise, masked)
     if (idle[:, :, ~masked] <= cut).mean() < _IDLE.clipped_share:
         return by_mean
     some, before = (one[:: 1 + len(one) // _IDLE.clipped_windows].reshape(-1, one.shape[2]) for one in (windows, idle))
