@@ -10,7 +10,7 @@ import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
 from taxelflow.estimation.template.depth import DEPTH_STD, as_heights, take_depth, with_depth
-from taxelflow.estimation.template.initialization import IncrementalMapper
+from taxelflow.estimation.template.initialization import IncrementalMapper, centred, start_scan
 from taxelflow.estimation.template.likelihood import FEWEST, cost, learned_error, touched
 from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE
@@ -39,8 +39,6 @@ FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
 """Prior standard deviation of the gains in a coarse fit, and the least that is learned later."""
 _FIRST_ROUNDS, _ROUNDS = 4, (3, 3)
 """Rounds of a coarse fit, and of each fit of a refinement. More rounds fit errors of real skins, not the object."""
-_LOADED_SHARE = 0.5
-"""The first scan fitted has at least this share of the largest load."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,37 +71,52 @@ def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None)
     turns = [False] if scanned.across.any() else [False, True]
     tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
     tried += [one for turn in turns for one in grown(scanned, tried[0].states, turns=turn)]
-    costs = [cost(one, scanned) for one in tried]
+    extra = [0.0] * len(tried)
     for again in [] if known is None else _from_known(scanned, known, turns):
         dearer = [UNCONVERGED * len(scanned) if one.kind == again.kind else 0.0 for one in tried]
-        costs = [*map(add, costs, dearer), cost(again, scanned)]
+        extra = [*map(add, extra, dearer), 0.0]
         tried.append(again)
+    costs = [cost(one, scanned) + more for one, more in zip(tried, extra, strict=True)]
     limit = min(costs) + _FAR_WORSE * len(scanned)
     solved, others = [], []
     for kind in dict.fromkeys(one.kind for one in tried):
         own = sorted((price, k) for k, price in enumerate(costs) if tried[k].kind == kind)
-        if own[0][0] > limit:
-            others.append(tried[own[0][1]])
+        near = [k for price, k in own if price <= limit]
+        if near:
+            solved.append(_cheapest(scanned, [tried[k] for k in near], [extra[k] for k in near]))
         else:
-            best = refined(scanned, tried[own[0][1]])
-            if len(own) > 1 and own[1][0] <= limit:
-                best.agrees = agreement(best, tried[own[1][1]])
-            solved.append(best)
-    rigid = likeliest([*solved, *_held_by_faults(scanned, solved, others)], scanned)
+            others.append(tried[own[0][1]])
+    rigid = _rigid(scanned, solved, others)
     return _sunk(scanned, solved, rigid) if sinks else rigid
 
 
-def _held_by_faults(scanned: Scanned, solved: list[Solved], others: list[Solved]) -> list[Solved]:
-    """The rejected coarse fit with a constant angle, refined, if faults of the sensor may explain the rotation.
+def _cheapest(scanned: Scanned, starts: list[Solved], extra: list[float]) -> Solved:
+    """The cheapest of the fits refined from starts, the cheapest first; and whether another start agrees with it.
 
-    Only where all other fits turn.
+    Of few scans all are refined: they end in minima of their own. extra: see `solve`, what each costs more.
     """
-    straight = [one for one in others if one.kind == (False, False) and one.error <= _MAY_BE_STRAIGHT]
+    fits = [refined(scanned, one) for one in (starts if len(scanned) < ENOUGH_SCANS else starts[:1])]
+    costs = [cost(one, scanned) + more for one, more in zip(fits, extra, strict=False)]
+    first = costs.index(min(costs))
+    for other in [one for k, one in enumerate(starts) if k != first][:1]:
+        fits[first].agrees = agreement(fits[first], other)
+    return fits[first]
+
+
+def _rigid(scanned: Scanned, solved: list[Solved], others: list[Solved]) -> Solved:
+    """The likeliest of the refined fits. others: coarse fits that were rejected.
+
+    If all turn and the sensor has faults, the one with a constant angle is refined, too. It is chosen if faults may
+    explain the rotation, else it is a rival: a load that friction shifts over a ring looks like a rotation.
+    """
     best = likeliest(solved, scanned)
+    straight = [one for one in others if one.kind == (False, False) and one.error <= _MAY_BE_STRAIGHT]
     if not (scanned.unseen_error and straight and all(one.turns for one in solved)) or keeps_its_angle(best, scanned):
-        return []
+        return best
     held = refined(scanned, straight[0])
-    return [] if outweighs_faults(best, held, scanned) else [held]
+    if outweighs_faults(best, held, scanned):
+        return _beside(best, [held], scanned)
+    return likeliest([*solved, held], scanned)
 
 
 def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
@@ -149,7 +162,11 @@ def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
     One with a free angle is chosen only if its angle is observable and its cost clearly lower; if it costs more, only
     if the angle is observable in the pattern of the other, too.
     """
-    best = _chosen(solved, scanned)
+    return _beside(_chosen(solved, scanned), solved, scanned)
+
+
+def _beside(best: Solved, solved: list[Solved], scanned: Scanned) -> Solved:
+    """A fit with the distance to its rivals among others that explain nearly as much."""
     near = [one for one in solved if one.error <= CLEARLY * best.error]
     others = [one for one in near if one.turns != best.turns and one.form == best.form]
     if others:
@@ -179,10 +196,14 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
 
 
 def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
-    """Coarse fits from several starts: states tracked from scan to scan, and with the centroid."""
+    """Coarse fits from several starts: states tracked from scan to scan, and with the centroid; of few scans, at a
+    steady velocity, too.
+    """
     mapper = IncrementalMapper(scanned, start_scan(scanned), scanned.precision(turns=turns, gain_std=FIRST_GAIN_STD))
     mapper.register_all()
-    starts = (mapper.states, centred(scanned, mapper.states))
+    starts = [mapper.states, centred(scanned, mapper.states)]
+    if len(scanned) < ENOUGH_SCANS:
+        starts.append(mapper.steady())
     return [coarse(scanned, states, turns=turns) for states in starts]
 
 
@@ -190,14 +211,6 @@ def _from_known(scanned: Scanned, known: Floats, turns: list[bool]) -> list[Solv
     """Coarse fits from states (scans, 5) known before; those that turn do not start a fit with a constant angle."""
     turned = bool(np.ptp(states_of(known).theta) > 0.0)
     return [coarse(scanned, known.copy(), turns=turn) for turn in turns if turn or not turned]
-
-
-def centred(scanned: Scanned, states: Floats) -> Floats:
-    """States (scans, 5) with the object where the contact's centroid is, and its angle kept."""
-    own, along = states.copy(), ~scanned.across
-    own[:, :2][:, along] = scanned.centroids()[:, along]
-    states_of(own).theta[:] = 0.0
-    return own
 
 
 def grown(scanned: Scanned, rigid: Floats, *, turns: bool) -> list[Solved]:
@@ -268,13 +281,6 @@ def _refined(scanned: Scanned, start: Solved, *, most_error: float) -> Solved:
             centre(own.pattern, scanned, own.states)
     own.error = learned_error(own.fit, scanned)
     return own
-
-
-def start_scan(scanned: Scanned) -> int:
-    """The first scan to fit: well loaded, its contact nearest to the pad's centre."""
-    load = scanned.load().sum(axis=1)
-    away = np.hypot(*(scanned.centroids() - scanned.middle).T)
-    return int(np.argmin(np.where(load >= _LOADED_SHARE * load.max(), away, np.inf)))
 
 
 def normalize_gains(solved: Solved) -> float:

@@ -40,6 +40,8 @@ class _Schedule:
 
 
 _SCHEDULE = _Schedule()
+_LOADED_SHARE = 0.5
+"""The first scan fitted has at least this share of the largest load."""
 
 
 class IncrementalMapper:
@@ -73,6 +75,21 @@ class IncrementalMapper:
         for k in [*range(self.start + 1, len(self.scanned)), *range(self.start - 1, -1, -1)]:
             self.register(k)
             self._add_scan(k)
+
+    def steady(self) -> Floats:
+        """States (scans, 5) at the velocity between the start and its neighbour of more load, which is known best.
+
+        Where an object slides in over the border, its first scans have hardly any load, and are registered badly.
+        """
+        own, start, count = self.states.copy(), self.start, len(self.scanned)
+        states_of(own).gain[:] = 1.0
+        beside = [k for k in (start - 1, start + 1) if 0 <= k < count]
+        if beside:
+            load = self.scanned.load().sum(axis=1)
+            other, t_s = max(beside, key=lambda k: load[k]), self.scanned.t_s
+            step = pose_part(self.states[other] - self.states[start]) / (t_s[other] - t_s[start])
+            pose_part(own)[:] = pose_part(self.states[start]) + step * (t_s - t_s[start])[:, np.newaxis]
+        return own
 
     def _add_scan(self, k: int) -> None:
         """Add registered scan k to the pattern, which is solved or refined from time to time."""
@@ -162,3 +179,18 @@ class IncrementalMapper:
         self.done.remove(k)
         self._sum_up()
         self.done.append(k)
+
+
+def start_scan(scanned: Scanned) -> int:
+    """The first scan to fit: well loaded, its contact nearest to the pad's centre."""
+    load = scanned.load().sum(axis=1)
+    away = np.hypot(*(scanned.centroids() - scanned.middle).T)
+    return int(np.argmin(np.where(load >= _LOADED_SHARE * load.max(), away, np.inf)))
+
+
+def centred(scanned: Scanned, states: Floats) -> Floats:
+    """States (scans, 5) with the object where the contact's centroid is, and its angle kept."""
+    own, along = states.copy(), ~scanned.across
+    own[:, :2][:, along] = scanned.centroids()[:, along]
+    states_of(own).theta[:] = 0.0
+    return own

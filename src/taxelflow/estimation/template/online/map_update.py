@@ -19,9 +19,8 @@ from taxelflow.estimation.template.hypotheses import (
     FIRST_GAIN_STD,
     coarse,
     refined,
-    start_scan,
 )
-from taxelflow.estimation.template.initialization import IncrementalMapper
+from taxelflow.estimation.template.initialization import IncrementalMapper, start_scan
 from taxelflow.estimation.template.likelihood import cost
 from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE, Scanned
