@@ -24,7 +24,7 @@ from rigged import rigged
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits, unexplained, unexplained_and_doubted
+from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits, unexplained, unexplained_and_doubted
 from taxelflow.estimation.template.online.map_update import first_pattern
 from taxelflow.estimation.template.online.relocalization import relocalise
 from taxelflow.estimation.template.online.track_state import PadScan, Track
@@ -74,15 +74,15 @@ def test_nothing_is_left_where_the_object_is_and_all_beside_it() -> None:
 def test_what_noise_leaves_of_a_faint_scan_is_explained() -> None:
     faint = STATE_0 * np.array([1.0, 1.0, 1.0, 0.01, 1.0])
     reading = 0.01 * values() + np.random.default_rng(0).normal(0.0, 0.5, TAXELS)
-    assert left(reading, faint) < MOST_UNEXPLAINED
-    assert left(reading, faint, VARIANCE / 100.0) > MOST_UNEXPLAINED
+    assert left(reading, faint) < UNEXPLAINED.most
+    assert left(reading, faint, VARIANCE / 100.0) > UNEXPLAINED.most
 
 
 def test_masked_and_saturated_taxels_leave_nothing() -> None:
     peak = int(np.argmax(values()))
     wrong, masked, ceiling = values(), VARIANCE.copy(), NEVER.copy()
     wrong[peak] = 10.0 * wrong[peak]
-    assert left(wrong) > MOST_UNEXPLAINED
+    assert left(wrong) > UNEXPLAINED.most
     masked[peak] = 0.0
     assert left(wrong, variance=masked) == 0.0
     cut = values()

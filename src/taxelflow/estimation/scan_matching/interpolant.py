@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.estimation.template.map import MOST_KNOTS
+from taxelflow.estimation.template.map import LATTICE
 from taxelflow.estimation.template.observations import across, reach
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.banded import WIDTH, add_diagonal, add_square, lower_factor, smoothness, solve_band
@@ -68,9 +68,9 @@ class Interpolant(NamedTuple):
         """
         live = variance > 0
         low, high = places.min(axis=1), places.max(axis=1)
-        if np.prod(high - low + 2 * _SPLINE.margin + 1) > MOST_KNOTS:
+        if np.prod(high - low + 2 * _SPLINE.margin + 1) > LATTICE.most_knots:
             size = " x ".join(f"{side:.0f}" for side in high - low)
-            duty = f"cover at most {MOST_KNOTS} square pitches: leave this group out"
+            duty = f"cover at most {LATTICE.most_knots} square pitches: leave this group out"
             raise ParameterInvalid(f"extent of {name}", f"{size} pitches", duty)
         usual = float(np.median(variance[live])) if live.any() else 1.0
         relative = variance / usual

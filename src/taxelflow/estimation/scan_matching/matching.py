@@ -13,7 +13,7 @@ import numpy as np
 from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE
 from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, Prior, register
 from taxelflow.estimation.template.linearization import pack_scan
-from taxelflow.estimation.template.map import MARGIN
+from taxelflow.estimation.template.map import LATTICE
 from taxelflow.estimation.template.map import Surface as Known
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.bspline import STATE, State, evaluate, put, state_of
@@ -95,7 +95,11 @@ def surroundings(
     chosen, count = np.empty(len(now), np.int64), 0
     for i in range(len(now)):
         x, y = places[0, i], places[1, i]
-        if variance[i] > 0.0 and low_x - MARGIN <= x <= high_x + MARGIN and low_y - MARGIN <= y <= high_y + MARGIN:
+        if (
+            variance[i] > 0.0
+            and low_x - LATTICE.margin <= x <= high_x + LATTICE.margin
+            and low_y - LATTICE.margin <= y <= high_y + LATTICE.margin
+        ):
             chosen[count] = i
             count += 1
     return chosen[:count]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,8 +18,17 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
 
-_LEAST, _MOST = 1e-3, 0.5
-"""Bounds of the error learned, as shares of the largest reading; every known sensor has more noise than the first."""
+
+@dataclass(frozen=True, slots=True)
+class _Learned:
+    """The error that is learned from what a fit leaves, as a share of the largest reading."""
+
+    least: float = 1e-3
+    """Every known sensor has more noise."""
+    most: float = 0.5
+
+
+_LEARNED = _Learned()
 FEWEST = 2
 """Readings per parameter, at least: in the logarithm of its cost, and of a fit whose error they show."""
 
@@ -33,7 +43,7 @@ def learned_error(fit: Fit, scanned: Scanned) -> float:
     def excess(share: float) -> float:
         return float(np.minimum(squared / (variance + (share * level) ** 2), OUTLIER).sum()) - wanted
 
-    low, high = _LEAST, _MOST
+    low, high = _LEARNED.least, _LEARNED.most
     if not len(squared) or excess(low) <= 0:
         return low
     for _ in range(30):  # halvings, to a relative error below 1e-8
