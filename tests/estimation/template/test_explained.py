@@ -29,7 +29,7 @@ from taxelflow.estimation.template.online.map_update import first_pattern
 from taxelflow.estimation.template.online.relocalization import relocalise
 from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.messages import LOST
-from taxelflow.numerics.centroid import SKIRT_SHARE
+from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.records import record
 from taxelflow.numerics.robust import gate
 from taxelflow.pipeline import api
@@ -105,7 +105,7 @@ def test_what_the_sensor_may_have_unseen_is_no_misfit(share: float, strange: boo
     level, unseen = float(values().max()), 0.05 * float(values().max())
     reading = values() * np.where(np.arange(TAXELS) % 2, 1.0 + share, 1.0 - share)
     taxels = pack_scan(PLACES, WHOLE, reading, VARIANCE, NEVER, ERROR)
-    more, least = unseen**2 - ERROR**2, SKIRT_SHARE * level
+    more, least = unseen**2 - ERROR**2, LOADED.skirt * level
     _, chi, count = unexplained_and_doubted(SURFACE, taxels, ERROR, more, least, STATE_0, np.zeros(2), np.zeros((5, 5)))
     loaded = np.maximum(reading, values()) > least
     assert count == loaded.sum() < TAXELS

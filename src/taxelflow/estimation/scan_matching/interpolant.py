@@ -37,8 +37,18 @@ class _Spline(NamedTuple):
 
 
 _SPLINE = _Spline()
-VALUE_NOISE, SLOPE_NOISE = 0.764, 2.163
-"""Variance of a cubic spline through readings on a grid, and of its slope per pitch, over theirs (means)."""
+
+
+class _Noise(NamedTuple):
+    """Variances of a cubic spline through readings on a grid, over theirs (means)."""
+
+    value: float = 0.764
+    """Of its value."""
+    slope: float = 2.163
+    """Of its slope per pitch."""
+
+
+SPLINE_NOISE = _Noise()
 
 
 class Interpolant(NamedTuple):
@@ -88,7 +98,7 @@ class Interpolant(NamedTuple):
             weight=weight,
             factor=np.ascontiguousarray(_factor((ny, nx), first, weight, trust).T),
             trust=trust,
-            variance=np.where(nearest >= 0, VALUE_NOISE * variance[nearest], usual).reshape(ny, nx),
+            variance=np.where(nearest >= 0, SPLINE_NOISE.value * variance[nearest], usual).reshape(ny, nx),
             unobserved=(nearest < 0).reshape(ny, nx),
             unobservable=np.where(across(places, live), reach(places), 0.0),
         )

@@ -20,7 +20,7 @@ from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE
 from taxelflow.estimation.template.scaling import SIZE_STD
 from taxelflow.numerics.bspline import STATE, states_of
-from taxelflow.numerics.centroid import SKIRT_SHARE, pressure_centre
+from taxelflow.numerics.centroid import LOADED, pressure_centre
 from taxelflow.numerics.cut import HIDDEN, find_hidden, open_sides
 from taxelflow.runtime.compiling import kernel
 
@@ -260,7 +260,7 @@ def _rms(scanned: Scanned) -> float:
 
 def _gains(scanned: Scanned, fit: Fit) -> Floats:
     """(taxels,), by which the readings of each are larger than the fit's."""
-    seen = (fit.weight > 0) & (fit.model > SKIRT_SHARE * scanned.amplitude)
+    seen = (fit.weight > 0) & (fit.model > LOADED.skirt * scanned.amplitude)
     model = np.where(seen, fit.model, 0.0)
     squares = np.sum(model**2, axis=0)
     off = np.sum(model * (scanned.readings - fit.model), axis=0) / np.where(squares > 0, squares, 1.0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.estimation.template.depth import DEPTH_STD
 from taxelflow.estimation.template.observations import COARSE
-from taxelflow.numerics.centroid import SKIRT_SHARE
+from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.robust import OUTLIER
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ FEWEST = 2
 def learned_error(fit: Fit, scanned: Scanned) -> float:
     """Error of a reading, as a share of its contact's largest, that the residuals in the contact significantly show."""
     level = scanned.amplitude
-    within = (fit.weight > 0) & (np.maximum(fit.model, scanned.readings) > SKIRT_SHARE * level)
+    within = (fit.weight > 0) & (np.maximum(fit.model, scanned.readings) > LOADED.skirt * level)
     squared, variance = fit.residual[within] ** 2, scanned.variance[within]
     wanted = fit.freedom * len(squared) + float(np.sqrt(2.0 * len(squared)))  # what noise may make of chi-square
 

@@ -25,7 +25,7 @@ from taxelflow.estimation.template.online.track_state import (
 from taxelflow.estimation.template.online.witness import find_shift, middle_of
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
-from taxelflow.numerics.centroid import CELL_ERROR, SKIRT_SHARE, centroid_covariance
+from taxelflow.numerics.centroid import CELL_ERROR, LOADED, centroid_covariance
 from taxelflow.numerics.cut import find_hidden
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import CHEAPER, GATE, HUBER, gate
@@ -167,7 +167,7 @@ def _judge(
                 m.doubted[a, b] = m.information[a, b]
         return
     more = unseen * unseen - error * error
-    least, state = SKIRT_SHARE * level, m.state[:]
+    least, state = LOADED.skirt * level, m.state[:]
     m.unexplained, chi, count = unexplained_and_doubted(
         surface, taxels, error, more, least, state, m.shift[:], m.doubted[:]
     )
