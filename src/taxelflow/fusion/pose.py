@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from taxelflow.fusion.hand_frame import Carried
-from taxelflow.fusion.misfit import LEAST_FREEDOM, MEMORY
+from taxelflow.fusion.misfit import MISFIT
 from taxelflow.fusion.twist import (
     Equations,
     Row,
@@ -223,7 +223,7 @@ def weight_of(chi2: float, usual: float) -> float:
 @inlined
 def usual_misfit(body: Body) -> float:
     """Reduced chi-square of the last scans, at least 1."""
-    return max(1.0, body.misfit / body.freedom) if body.freedom > LEAST_FREEDOM else 1.0
+    return max(1.0, body.misfit / body.freedom) if body.freedom > MISFIT.least_freedom else 1.0
 
 
 @routine
@@ -241,8 +241,8 @@ def judge_misfit(
             freedom += weight * measured
     freedom -= 3 if observable else 2
     if freedom > 0.0:
-        body.misfit = MEMORY * body.misfit + misfit
-        body.freedom = MEMORY * body.freedom + freedom
+        body.misfit = MISFIT.memory * body.misfit + misfit
+        body.freedom = MISFIT.memory * body.freedom + freedom
 
 
 @routine

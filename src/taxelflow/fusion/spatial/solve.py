@@ -95,7 +95,7 @@ def solve(contacts: Contacts, limit: float, out: Solution) -> int:
     out.covariance[:] = 0.0
     for d in range(6):
         seen = out.values[d] * limit * limit > 1.0
-        variance, along = (BLIND * limit) ** 2, 0.0
+        variance, along = (BLIND.far * limit) ** 2, 0.0
         if seen:
             rank += 1
             variance = 1.0 / out.values[d]
