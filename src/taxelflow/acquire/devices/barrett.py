@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
-from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource
+from taxelflow.acquire.devices.streams import PATIENCE, STREAM_OPTIONS, ByteSource
 from taxelflow.errors import ExtraMissing
 from taxelflow.sensors.catalogue import load_sensor
 
@@ -157,7 +157,7 @@ class CanBus:
     """
 
     patient = False
-    timeout_s = TIMEOUT_S
+    timeout_s = PATIENCE.timeout_s
 
     def __init__(self, interface: str, channel: str, rate_hz: float = _RATE) -> None:
         try:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
-from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource, need_sensor
+from taxelflow.acquire.devices.streams import PATIENCE, STREAM_OPTIONS, ByteSource, need_sensor
 from taxelflow.errors import ExtraMissing, TaxelCountWrong
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class ModbusHand:
     """Reads all registers, again and again: a piece is a scan."""
 
     patient = True
-    timeout_s = TIMEOUT_S
+    timeout_s = PATIENCE.timeout_s
 
     def __init__(self, host: str, port: int, values: int, rate_hz: float) -> None:
         try:

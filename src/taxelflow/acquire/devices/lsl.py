@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.acquire.devices.base import CONNECT_S, POLL_S, Faults
-from taxelflow.acquire.devices.streams import TIMEOUT_S, ByteSource, need_sensor
+from taxelflow.acquire.devices.streams import PATIENCE, ByteSource, need_sensor
 from taxelflow.errors import AddressInvalid, ExtraMissing
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class Inlet:
     """A reader of the stream of a name; a piece is float64: how many channels, then rows of a stamp and a scan."""
 
     patient = False
-    timeout_s = TIMEOUT_S
+    timeout_s = PATIENCE.timeout_s
 
     def __init__(self, address: Address) -> None:
         self._lsl, self._name = pylsl(address), address.need_path("lsl:NAME")
