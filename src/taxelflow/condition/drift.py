@@ -39,7 +39,7 @@ BLOCK = _Block()
 
 
 class DriftTracker:
-    """Collects blocks of tared readings, at most BLOCK_SCANS long, and updates the offsets of idle pads."""
+    """Collects blocks of tared readings, at most BLOCK.scans long, and updates the offsets of idle pads."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout

@@ -21,7 +21,7 @@ class _Windows(NamedTuple):
 
 WINDOWS = _Windows()
 _MOST_BYTES = 1 << 26
-"""Memory that the windows take at most: from 1400 taxels on there are fewer than MAX_WINDOWS."""
+"""Memory that the windows take at most: from 1400 taxels on there are fewer than WINDOWS.most."""
 
 
 class Sample:
@@ -35,7 +35,7 @@ class Sample:
         self._most = max(2, min(WINDOWS.most, _MOST_BYTES // (8 * WINDOWS.scans * max(taxels, 1))))
         self._random = np.random.default_rng(0)  # a replay draws the same windows
         self.first = np.zeros((0, taxels))
-        """The first window of all, (WINDOW_SCANS, taxels), kept in any case."""
+        """The first window of all, (WINDOWS.scans, taxels), kept in any case."""
         self._windows: list[Floats] = []  # none is written to: a copy shares them, and a longer list costs nothing
         self._starts_s: list[float] = []
         self._room = np.empty((WINDOWS.scans, taxels))
@@ -43,7 +43,7 @@ class Sample:
 
     @property
     def windows(self) -> Floats:
-        """(windows, WINDOW_SCANS, taxels), in the order drawn; at most MAX_WINDOWS. Each call copies them."""
+        """(windows, WINDOWS.scans, taxels), in the order drawn; at most WINDOWS.most. Each call copies them."""
         return np.stack(self._windows) if self._windows else self._room[np.newaxis][:0]
 
     def __len__(self) -> int:

@@ -35,7 +35,7 @@ class _Grid:
     most: int = 1024
     """Points of the grid along each axis, a power of 2."""
     cells: int = 8
-    """Cells of the grid per pitch, and per radius of the object, where `_MOST` allows it."""
+    """Cells of the grid per pitch, and per radius of the object, where `most` allows it."""
     box: float = 4.0
     box_feet: float = 2.6
     """Side of the periodic box over the reach of the object, and of one on feet."""

@@ -75,7 +75,7 @@ def room(pads: int, joints: int) -> Solution:
 
 @routine
 def solve(contacts: Contacts, limit: float, out: Solution) -> int:
-    """Fill the solution; its rank. Directions whose standard deviation exceeds `limit` are 0, with that of BLIND."""
+    """Fill the solution; its rank. Directions whose standard deviation exceeds `limit` are 0, with that of `BLIND`."""
     out.normal[:] = 0.0
     out.right[:] = 0.0
     out.joints[:] = 0.0
