@@ -38,8 +38,6 @@ class _Slack:
 SLACK = _Slack()
 _NOTHING = 10.0
 """Scans of less strength may be noise; one that is stronger by `FAINT` is not."""
-_LEAST_GAIN_STD = 0.05
-"""Least standard deviation of the gain from scan to scan, as a share of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +123,7 @@ class LocalMap:
     @property
     def loose_gain_std(self) -> float:
         """How far the gain may move from scan to scan, as a share of it."""
-        return max(3.0 * self.gain_std, _LEAST_GAIN_STD)
+        return 3.0 * self.gain_std
 
     @property
     def mature(self) -> bool:
