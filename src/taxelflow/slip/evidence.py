@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -48,16 +47,8 @@ class _Change:
 CHANGE = _Change()
 AT_REST = -0.5 * float(np.log(CHANGE.slip_factor) / CHANGE.spread) ** 2
 """Log likelihood ratio of a change of the pattern as it is at rest."""
-
-
-class _Lasts(NamedTuple):
-    """Prior mean durations in the hand, s."""
-
-    rest_s: float = 5.0
-    slide_s: float = 0.7
-
-
-LASTS = _Lasts()
+REST_S, SLIDE_S = 5.0, 0.7
+"""Prior mean durations of rest and of a slip in the hand."""
 
 
 def first_growths() -> deque[float]:
@@ -121,5 +112,5 @@ def looked_back(later: Floats, log_ratio: Floats, touching: Bools, step_s: float
 
 def _transitions(step_s: float) -> tuple[float, float]:
     """Probabilities that a slip begins, and that it ends, within a time; the first bin has none before it."""
-    step_s = min(step_s, LASTS.rest_s)
-    return float(-np.expm1(-step_s / LASTS.rest_s)), float(-np.expm1(-step_s / LASTS.slide_s))
+    step_s = min(step_s, REST_S)
+    return float(-np.expm1(-step_s / REST_S)), float(-np.expm1(-step_s / SLIDE_S))

@@ -13,7 +13,8 @@ from taxelflow.numerics.bins import AHEAD_BINS, BIN_S
 from taxelflow.slip.evidence import (
     AT_REST,
     CHANGE,
-    LASTS,
+    REST_S,
+    SLIDE_S,
     distance,
     joint_log_likelihood_ratio,
     log_likelihood_ratio,
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips
     from taxelflow.slip.pattern_change import PatternChanges
 
-AGAINST = log(LASTS.slide_s / LASTS.rest_s)
+AGAINST = log(SLIDE_S / REST_S)
 """Log odds of a slip below which its pattern speaks against it: those of an object of which nothing is known."""
 
 

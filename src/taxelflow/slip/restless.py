@@ -18,7 +18,7 @@ import numpy as np
 
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.bins import BIN_S
-from taxelflow.slip.evidence import CHANGE, LASTS, first_growths
+from taxelflow.slip.evidence import CHANGE, REST_S, first_growths
 from taxelflow.slip.pattern_change import STEADY_RISE
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class _Stirred:
 
 
 _STIRRED = _Stirred()
-_LONG_BINS = LASTS.rest_s / BIN_S
+_LONG_BINS = REST_S / BIN_S
 """A slip by the pose that lasts longer than objects rest is in doubt."""
 
 
