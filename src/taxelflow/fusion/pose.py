@@ -35,7 +35,7 @@ class _Robust(NamedTuple):
     """Gauss-Newton steps at most."""
     plain: int = 3
     """First steps without robust weights: there a residual may be the motion since the last scan."""
-    far: float = float(chdtri(3.0, 0.01))
+    far: float = round(float(chdtri(3.0, 0.01)), 2)
     """Chi-square above which a contact weighs less (Huber): the 99 % point of three degrees of freedom."""
     student: float = 4.0
     """Degrees of freedom of the Student t weights, with which a wrong contact hardly affects the misfit."""
