@@ -44,6 +44,7 @@ TaxelflowError
 from __future__ import annotations
 
 from contextlib import contextmanager
+from dataclasses import dataclass
 from difflib import get_close_matches
 from math import isfinite
 from pathlib import Path
@@ -53,14 +54,21 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
 
-_MOST_LISTED = 30
-"""Names that a message lists at most."""
+@dataclass(frozen=True, slots=True)
+class _Message:
+    """Size of a message."""
+
+    names: int = 30
+    """Names that a message lists at most."""
+    characters: int = 4000
+    """Characters of a message at most: it may quote what a file contains."""
+
+
+_MESSAGE = _Message()
 _PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z")
 """Suffixes of files that hold others."""
 _PART = ".part"
 """Suffix of files until they are whole."""
-_LONGEST = 4000
-"""Characters of a message at most: it may quote what a file contains."""
 
 
 def printable(text: str) -> str:
@@ -78,8 +86,8 @@ class TaxelflowError(Exception):
     """Root of all errors that taxelflow raises; the CLI prints them as one line."""
 
     def __init__(self, message: str) -> None:
-        if len(message) > _LONGEST:
-            message = f"{message[: _LONGEST // 2]} [...] {message[-_LONGEST // 2 :]}"
+        if len(message) > _MESSAGE.characters:
+            message = f"{message[: _MESSAGE.characters // 2]} [...] {message[-_MESSAGE.characters // 2 :]}"
         super().__init__(printable(message))
 
     def __reduce__(self) -> tuple[Callable[..., TaxelflowError], tuple[object, ...]]:
@@ -235,8 +243,8 @@ class TopicUnclear(RecordingError):
     ) -> None:
         """remedy: where choosing another topic does not help."""
         names = list(topics)
-        more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
-        listed = ", ".join(names[:_MOST_LISTED]) + more
+        more = f" and {len(names) - _MESSAGE.names} more" if len(names) > _MESSAGE.names else ""
+        listed = ", ".join(names[: _MESSAGE.names]) + more
         usual = f"choose one with {option}: {listed}" if listed else "the bag has no topics: record it again"
         does = f"its topics are {listed}; {remedy}" if remedy else usual
         super().__init__(f"cannot choose a topic of {path}: {seen}; {does}")

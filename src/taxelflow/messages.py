@@ -38,10 +38,18 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Bytes = NDArray[np.uint8]
 
-_GAP_S = 0.5
-"""Longest time between two joint angles over which they are interpolated."""
-_LATE_S = 0.05
-"""Time before the first and after the last joint angle in which that one holds."""
+
+@dataclass(frozen=True, slots=True)
+class _Joints:
+    """Joint angles at the time of a scan."""
+
+    gap_s: float = 0.5
+    """Longest time between two joint angles over which they are interpolated."""
+    late_s: float = 0.05
+    """Time before the first and after the last joint angle in which that one holds."""
+
+
+_JOINTS = _Joints()
 
 NO_POSE, OK, AMBIGUOUS, UNRESOLVED, LOST = range(5)
 QUALITY = ("", "ok", "ambiguous", "unresolved", "lost")
@@ -90,16 +98,16 @@ class Joints:
 
     def at(self, t_s: Floats, names: Sequence[str]) -> Floats:
         """(n, names) angles at times (n,), interpolated linearly; NaN before the first and after the last time, in
-        gaps of more than `_GAP_S`, beside unknown angles, and for names that are not known.
+        gaps of more than `_JOINTS.gap_s`, beside unknown angles, and for names that are not known.
         """
         found = np.full((len(t_s), len(names)), np.nan)
         if not len(self.t_s):
             return found
         if len(self.t_s) > 1:
             after = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
-            inside = (t_s >= self.t_s[0] - _LATE_S) & (t_s <= self.t_s[-1] + _LATE_S)
+            inside = (t_s >= self.t_s[0] - _JOINTS.late_s) & (t_s <= self.t_s[-1] + _JOINTS.late_s)
             first, last = self.t_s[after - 1], self.t_s[after]
-            inside &= (last - first <= _GAP_S) | (t_s == first) | (t_s == last)
+            inside &= (last - first <= _JOINTS.gap_s) | (t_s == first) | (t_s == last)
         near = slice(0, 1) if len(self.t_s) == 1 or not len(t_s) else slice(after.min() - 1, after.max() + 1)
         for column, name in enumerate(names):
             if name in self.names:
@@ -115,7 +123,7 @@ class Joints:
         known = np.flatnonzero(np.isfinite(own))
         for end, sign in ((known[:1], -1.0), (known[-1:], 1.0)):
             beyond = sign * (t_s[:, np.newaxis] - self.t_s[end])
-            angles[((beyond > 0.0) & (beyond <= _LATE_S)).any(axis=1)] = own[end]
+            angles[((beyond > 0.0) & (beyond <= _JOINTS.late_s)).any(axis=1)] = own[end]
 
 
 @dataclass(frozen=True, slots=True)

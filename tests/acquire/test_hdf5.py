@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -140,7 +141,7 @@ def test_a_damaged_text_is_an_error_unless_the_sensor_is_given(monkeypatch: pyte
         RecordingCorrupt, match="its text sensor cannot be read: no such text; store it as text of fixed"
     ):
         read(path)
-    monkeypatch.setattr(hdf5_text, "_MOST_S", 0.01)
+    monkeypatch.setattr(hdf5_text, "_MOST", replace(hdf5_text._MOST, wall_s=0.01))
     monkeypatch.setattr(hdf5_text, "_PROGRAM", "while True: pass")
     with pytest.raises(RecordingCorrupt, match=r"cannot be read in 0\.01 s"):
         read(path)

@@ -8,7 +8,7 @@ import pytest
 from synthetic import dome, grid_sensor
 from taxelflow.condition import noise
 from taxelflow.condition.resting import near_taxels
-from taxelflow.condition.sample import WINDOW_SCANS
+from taxelflow.condition.sample import WINDOWS
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
@@ -25,7 +25,7 @@ def estimate_noise(windows: Floats, masked: Bools, **known: float) -> Floats:
 
 def normal(windows: int, sigma: float | Floats = 100.0, taxels: int = 20, seed: int = 0) -> Floats:
     """(windows, scans, taxels) around a load of 20 kPa."""
-    drawn: Floats = 20e3 + np.random.default_rng(seed).normal(0, sigma, (windows, WINDOW_SCANS, taxels))
+    drawn: Floats = 20e3 + np.random.default_rng(seed).normal(0, sigma, (windows, WINDOWS.scans, taxels))
     return drawn
 
 
@@ -42,21 +42,21 @@ def test_normal_noise_is_recovered_for_each_taxel_from_many_windows() -> None:
 
 
 def test_a_load_that_rises_steadily_is_no_noise() -> None:
-    ramp = np.linspace(0, 50e3, 100 * WINDOW_SCANS).reshape(100, WINDOW_SCANS, 1)
+    ramp = np.linspace(0, 50e3, 100 * WINDOWS.scans).reshape(100, WINDOWS.scans, 1)
     assert np.median(estimate_noise(normal(100) + ramp, LIVE)) == pytest.approx(100, rel=0.15)
 
 
 def test_an_object_that_moves_most_of_the_time_does_not_inflate_the_noise() -> None:
     windows = normal(200)
-    moving = 10e3 * np.sin(np.arange(WINDOW_SCANS) * 1.3)[:, np.newaxis]
+    moving = 10e3 * np.sin(np.arange(WINDOWS.scans) * 1.3)[:, np.newaxis]
     windows[:140] += moving
     found = estimate_noise(windows, LIVE)
     assert 100 * 0.85 < np.median(found) < 100 * 1.6
 
 
 def test_taxels_clipped_to_zero_have_a_floor_and_no_zero_noise() -> None:
-    windows = np.zeros((50, WINDOW_SCANS, 20))
-    windows[:, :, 0] = np.round(np.random.default_rng(0).uniform(0, 3000, (50, WINDOW_SCANS)))
+    windows = np.zeros((50, WINDOWS.scans, 20))
+    windows[:, :, 0] = np.round(np.random.default_rng(0).uniform(0, 3000, (50, WINDOWS.scans)))
     found = estimate_noise(windows, LIVE)
     assert (found >= 1 / 12**0.5).all()
 
@@ -64,39 +64,39 @@ def test_taxels_clipped_to_zero_have_a_floor_and_no_zero_noise() -> None:
 def test_noise_half_hidden_by_clipping_is_learned_under_load() -> None:
     random = np.random.default_rng(0)
     load = np.where(np.arange(200) < 120, 0.0, 2000.0)[:, np.newaxis, np.newaxis]
-    windows = np.maximum(np.round(load + random.normal(0, 5, (200, WINDOW_SCANS, 20))), 0)
+    windows = np.maximum(np.round(load + random.normal(0, 5, (200, WINDOWS.scans, 20))), 0)
     np.testing.assert_allclose(estimate_noise(windows, LIVE), 5, rtol=0.3)
 
 
 def test_a_level_that_wanders_is_no_noise() -> None:
     """Of the variance of what an idle taxel reads a third is independent from scan to scan."""
-    scans, random = np.arange(10 * WINDOW_SCANS), np.random.default_rng(2)
+    scans, random = np.arange(10 * WINDOWS.scans), np.random.default_rng(2)
     wander = 10.0 * np.sin(2 * np.pi * (scans[:, np.newaxis] / 60 + random.random(20)))
     idle = np.round(1000.0 + wander + random.normal(0, 5.0, wander.shape))
-    found = estimate_noise(idle.reshape(10, WINDOW_SCANS, 20), LIVE)
+    found = estimate_noise(idle.reshape(10, WINDOWS.scans, 20), LIVE)
     assert np.median(found) == pytest.approx(5.0, rel=0.15)
 
 
 def test_noise_may_last_a_scan_or_two() -> None:
     """More than half of the variance is independent: it is noise, of which second differences alone show half."""
     random = np.random.default_rng(0)
-    drawn = random.normal(0, 5.0, (10 * WINDOW_SCANS, 20))
+    drawn = random.normal(0, 5.0, (10 * WINDOWS.scans, 20))
     for scan in range(1, len(drawn)):
         drawn[scan] = 0.42 * drawn[scan - 1] + np.sqrt(1 - 0.42**2) * drawn[scan]
-    idle = np.round(1000.0 + drawn).reshape(10, WINDOW_SCANS, 20)
+    idle = np.round(1000.0 + drawn).reshape(10, WINDOWS.scans, 20)
     assert np.median(estimate_noise(idle, LIVE)) == pytest.approx(5.0, rel=0.2)
 
 
 @pytest.mark.parametrize("step", [1.0, 13.0, 0.25])
 def test_readings_coarser_than_the_noise_have_the_quantisation_as_floor(step: float) -> None:
-    ramp = np.arange(50 * WINDOW_SCANS).reshape(50, WINDOW_SCANS, 1) * step * 0.3
+    ramp = np.arange(50 * WINDOWS.scans).reshape(50, WINDOWS.scans, 1) * step * 0.3
     windows = step * np.round((ramp + np.zeros(20)) / step)
     assert (estimate_noise(windows, LIVE) >= step / 12**0.5 - 1e-12).all()
 
 
 def test_constant_readings_still_have_a_noise() -> None:
-    assert (estimate_noise(np.full((10, WINDOW_SCANS, 20), 300.0), LIVE) > 0).all()
-    assert (estimate_noise(np.zeros((10, WINDOW_SCANS, 20)), LIVE) > 0).all()
+    assert (estimate_noise(np.full((10, WINDOWS.scans, 20), 300.0), LIVE) > 0).all()
+    assert (estimate_noise(np.zeros((10, WINDOWS.scans, 20)), LIVE) > 0).all()
 
 
 def test_masked_taxels_have_none() -> None:
@@ -115,7 +115,7 @@ def test_what_a_masked_taxel_reads_does_not_matter() -> None:
 
 
 def test_no_windows_and_no_live_taxels_give_an_answer() -> None:
-    assert estimate_noise(np.zeros((0, WINDOW_SCANS, 20)), LIVE).shape == (20,)
+    assert estimate_noise(np.zeros((0, WINDOWS.scans, 20)), LIVE).shape == (20,)
     assert not estimate_noise(normal(3), ~LIVE).any()
 
 
@@ -142,7 +142,7 @@ UNMASKED = np.zeros(36, dtype=np.bool_)
 
 
 def of_grid(readings: Floats, windows: int = 2) -> Floats:
-    shaped = readings[: windows * WINDOW_SCANS].reshape(windows, WINDOW_SCANS, 36)
+    shaped = readings[: windows * WINDOWS.scans].reshape(windows, WINDOWS.scans, 36)
     return noise.estimate_noise(shaped, UNMASKED, PADS, near_taxels(GRID.layout))
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from synthetic import pieces, raw_scans
-from taxelflow.condition.sample import MAX_WINDOWS, WINDOW_SCANS, Sample
+from taxelflow.condition.sample import WINDOWS, Sample
 from taxelflow.messages import Floats
 
 
@@ -31,26 +31,26 @@ def sampled(scans: int, block: int = 5000) -> Sample:
 def test_a_short_recording_is_kept_whole() -> None:
     windows = sampled(60).windows
     np.testing.assert_array_equal(windows.ravel(), np.arange(60))
-    assert windows.shape == (5, WINDOW_SCANS, 1)
+    assert windows.shape == (5, WINDOWS.scans, 1)
 
 
 @pytest.mark.parametrize("scans", [10_000, 100_000])
 def test_never_more_windows_are_kept_than_allowed(scans: int) -> None:
     sample = sampled(scans)
-    assert sample.windows.shape == (MAX_WINDOWS, WINDOW_SCANS, 1)
-    assert sample.windows_seen == scans // WINDOW_SCANS
+    assert sample.windows.shape == (WINDOWS.most, WINDOWS.scans, 1)
+    assert sample.windows_seen == scans // WINDOWS.scans
 
 
 def test_every_window_is_of_consecutive_scans_and_none_is_kept_twice() -> None:
     windows = sampled(50_000).windows[:, :, 0]
     assert (np.diff(windows, axis=1) == 1).all()
-    assert len(np.unique(windows[:, 0])) == MAX_WINDOWS
+    assert len(np.unique(windows[:, 0])) == WINDOWS.most
 
 
 def test_windows_come_evenly_from_the_whole_recording() -> None:
     scans = 100_000
     share, _ = np.histogram(sampled(scans).windows[:, 0, 0], bins=8, range=(0, scans))
-    assert (np.abs(share - MAX_WINDOWS / 8) < 5 * (MAX_WINDOWS / 8) ** 0.5).all()
+    assert (np.abs(share - WINDOWS.most / 8) < 5 * (WINDOWS.most / 8) ** 0.5).all()
 
 
 @pytest.mark.parametrize("block", [5, 77, 20_000])
@@ -82,19 +82,19 @@ def test_long_recordings_cut_differently_give_the_same_sample() -> None:
 
 def test_wanted_counts_down_to_the_next_full_window() -> None:
     sample = Sample(1)
-    assert sample.remaining == WINDOW_SCANS
+    assert sample.remaining == WINDOWS.scans
     sample.add(*stamped(numbered(5)))
-    assert (sample.remaining, sample.windows_seen) == (WINDOW_SCANS - 5, 0)
+    assert (sample.remaining, sample.windows_seen) == (WINDOWS.scans - 5, 0)
     sample.add(*stamped(numbered(7)))
-    assert (sample.remaining, sample.windows_seen) == (WINDOW_SCANS, 1)
+    assert (sample.remaining, sample.windows_seen) == (WINDOWS.scans, 1)
 
 
-@given(scans=st.integers(0, 9 * WINDOW_SCANS))
+@given(scans=st.integers(0, 9 * WINDOWS.scans))
 def test_scans_until_the_windows_have_doubled(scans: int) -> None:
     sample = Sample(1)
     sample.add(*stamped(numbered(scans)))
     expected = next(count for count in (1, 2, 4, 8, 16) if count > sample.windows_seen)
-    assert sample.until_doubled == expected * WINDOW_SCANS - scans
+    assert sample.until_doubled == expected * WINDOWS.scans - scans
 
 
 @pytest.mark.parametrize("scans", [1, 2, 11])
@@ -126,11 +126,11 @@ def test_windows_of_many_taxels_are_fewer() -> None:
 
 
 def test_a_snapshot_stays_as_it_is_and_shares_what_it_holds() -> None:
-    sample = sampled(MAX_WINDOWS * WINDOW_SCANS)
+    sample = sampled(WINDOWS.most * WINDOWS.scans)
     held = sample.snapshot()
     before = held.windows
     sample.add(*stamped(numbered(20_000)))
     np.testing.assert_array_equal(held.windows, before)
     assert not np.array_equal(sample.windows, before)
-    assert (len(held), len(held.starts_s)) == (MAX_WINDOWS, MAX_WINDOWS)
+    assert (len(held), len(held.starts_s)) == (WINDOWS.most, WINDOWS.most)
     assert sum(one is other for one, other in zip(held._windows, sample._windows, strict=True)) > 0  # nothing is copied

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from rigged import rigged
 from taxelflow.evaluation.strokes import (
-    SPEEDS_MM_S,
+    TABLE1,
     Seen,
     Stroke,
     bounds,
@@ -56,7 +56,7 @@ def test_the_standard_errors_of_a_row_are_how_its_rmse_and_factor_scatter() -> N
     found = []
     for _ in range(200):
         seen: Seen = {}
-        for what, speed in (("fit", 25), *((speed, speed) for speed in SPEEDS_MM_S)):
+        for what, speed in (("fit", 25), *((speed, speed) for speed in TABLE1.speeds_mm_s)):
             drawn = random.normal(0.95 * speed, 0.04 * speed, 40)
             seen[what, "flow"] = [
                 Stroke(number % 2 == 0, *2 * [-one if number % 2 == 0 else one])

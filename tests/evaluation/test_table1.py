@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.estimation.centroid.convolution import Convolution
 from taxelflow.estimation.centroid.principal_axis import PrincipalAxis
-from taxelflow.evaluation.strokes import PAPER_METHODS, SPEEDS_MM_S, Row, scored_methods, strokes_by
+from taxelflow.evaluation.strokes import PAPER_METHODS, TABLE1, Row, scored_methods, strokes_by
 from taxelflow.evaluation.table1 import PAPER, PaperRow, Table1, Table1Report
 from taxelflow.messages import cut, joined
 from taxelflow.pipeline.api import conditioned
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 STROKES = 8
 by_method = pytest.mark.parametrize("method", PAPER_METHODS)
-by_speed = pytest.mark.parametrize("speed", SPEEDS_MM_S)
+by_speed = pytest.mark.parametrize("speed", TABLE1.speeds_mm_s)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def row(table: Table1Report, speed: int, method: str, scans: str, *, fitted: boo
 
 @pytest.mark.long
 def test_there_is_a_row_for_each_speed_method_set_of_scans_and_factor(table: Table1Report) -> None:
-    for speed in SPEEDS_MM_S:
+    for speed in TABLE1.speeds_mm_s:
         for method in PAPER_METHODS:
             for scans in ("all", "interior"):
                 for fitted in (False, True):
@@ -103,7 +103,7 @@ def test_the_edge_makes_both_methods_clearly_too_slow(table: Table1Report, metho
 
 
 def test_inside_the_flow_beats_the_l_norm(table: Table1Report) -> None:
-    for speed in SPEEDS_MM_S:
+    for speed in TABLE1.speeds_mm_s:
         flow, lnorm = (row(table, speed, method, "interior", fitted=True) for method in ("convolution", "lnorm"))
         assert flow.rmse_mm_s < lnorm.rmse_mm_s
 
@@ -111,10 +111,10 @@ def test_inside_the_flow_beats_the_l_norm(table: Table1Report) -> None:
 @by_method
 @pytest.mark.parametrize("scans", ["all", "interior"])
 def test_one_factor_serves_both_speeds_and_scales_the_velocities(table: Table1Report, method: str, scans: str) -> None:
-    factors = {row(table, speed, method, scans, fitted=True).factor for speed in SPEEDS_MM_S}
+    factors = {row(table, speed, method, scans, fitted=True).factor for speed in TABLE1.speeds_mm_s}
     assert len(factors) == 1
     (factor,) = factors
-    for speed in SPEEDS_MM_S:
+    for speed in TABLE1.speeds_mm_s:
         bare, scaled = (row(table, speed, method, scans, fitted=fitted) for fitted in (False, True))
         assert scaled.backward_mm_s == pytest.approx(factor * bare.backward_mm_s)
         assert scaled.forward_mm_s == pytest.approx(factor * bare.forward_mm_s)
@@ -289,7 +289,9 @@ def test_the_papers_rows_are_consistent(printed: PaperRow) -> None:
 
 def test_the_papers_rows_are_all_there(table: Table1Report) -> None:
     assert table.paper == PAPER
-    assert {(row.nominal_mm_s, row.method) for row in PAPER} == {(s, m) for s in SPEEDS_MM_S for m in PAPER_METHODS}
+    assert {(row.nominal_mm_s, row.method) for row in PAPER} == {
+        (s, m) for s in TABLE1.speeds_mm_s for m in PAPER_METHODS
+    }
 
 
 # What is shown and written

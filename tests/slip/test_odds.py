@@ -12,8 +12,8 @@ from restless import SENSOR, held, slide
 from taxelflow.evaluation.slip_scoring import still_slips
 from taxelflow.messages import AMBIGUOUS, OK
 from taxelflow.pipeline import api
-from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
-from taxelflow.slip.pattern_change import BASELINE_BINS, PatternChanges, PatternWatch
+from taxelflow.slip.odds import AFTER, LiveOdds, Odds, OfflineOdds
+from taxelflow.slip.pattern_change import BINS, PatternChanges, PatternWatch
 
 if TYPE_CHECKING:
     from taxelflow.messages import Slips
@@ -27,8 +27,8 @@ def changes() -> dict[int, PatternChanges]:
     recording = held(slide())
     scans = api.conditioned(recording)
     watches = {
-        LIVE_AFTER_BINS: PatternWatch(recording.layout, 1e-4, LIVE_AFTER_BINS),
-        AFTER_BINS: PatternWatch(recording.layout, 1e-4, AFTER_BINS, BASELINE_BINS),
+        AFTER.live: PatternWatch(recording.layout, 1e-4, AFTER.live),
+        AFTER.recorded: PatternWatch(recording.layout, 1e-4, AFTER.recorded, BINS.longer),
     }
     return {after: watch.step(scans) for after, watch in watches.items()}
 
@@ -53,7 +53,7 @@ def odds_of(watch: LiveOdds | OfflineOdds, changes: PatternChanges, size: int, q
 def test_odds_soon_are_the_highest_of_those_within_half_a_second_and_of_longer_baselines(
     changes: dict[int, PatternChanges],
 ) -> None:
-    whole = changes[AFTER_BINS]
+    whole = changes[AFTER.recorded]
     without = replace(whole, longer=np.full_like(whole.longer, np.nan))
     odds, t_s = odds_of(OfflineOdds(PITCH_M), without, 7), whole.t_s
     now, soon = odds.log_odds[:, 0], odds.soon[:, 0]
@@ -69,22 +69,22 @@ def test_odds_soon_are_the_highest_of_those_within_half_a_second_and_of_longer_b
 
 @pytest.mark.parametrize("size", [1, 400])
 def test_they_do_not_depend_on_the_blocks(changes: dict[int, PatternChanges], size: int) -> None:
-    first, second = (odds_of(OfflineOdds(PITCH_M), changes[AFTER_BINS], each) for each in (13, size))
+    first, second = (odds_of(OfflineOdds(PITCH_M), changes[AFTER.recorded], each) for each in (13, size))
     for field in fields(Odds):
         np.testing.assert_array_equal(getattr(first, field.name), getattr(second, field.name))
 
 
 def test_a_stream_does_not_look_ahead(changes: dict[int, PatternChanges]) -> None:
-    odds = odds_of(LiveOdds(PITCH_M), changes[LIVE_AFTER_BINS], 7)
+    odds = odds_of(LiveOdds(PITCH_M), changes[AFTER.live], 7)
     np.testing.assert_array_equal(odds.log_odds, odds.soon)
     assert np.nanmax(odds.log_odds) > 0
 
 
-@pytest.mark.parametrize("after", [LIVE_AFTER_BINS, AFTER_BINS])
+@pytest.mark.parametrize("after", [AFTER.live, AFTER.recorded])
 def test_a_pattern_that_changes_is_no_slip_where_precise_poses_stay(
     changes: dict[int, PatternChanges], after: int
 ) -> None:
-    watch = LiveOdds if after == LIVE_AFTER_BINS else OfflineOdds
+    watch = LiveOdds if after == AFTER.live else OfflineOdds
     vague, precise = (odds_of(watch(PITCH_M), changes[after], 7, quality) for quality in (AMBIGUOUS, OK))
     assert np.nanmax(vague.log_odds) > 0
     assert np.nanmax(precise.log_odds) < 0

@@ -15,7 +15,7 @@ from synthetic import grid_sensor, scans_of
 from taxelflow.messages import cut
 from taxelflow.pipeline import api
 from taxelflow.slip.evidence import CHANGE, log_likelihood_ratio
-from taxelflow.slip.pattern_change import BASELINE_BINS, BEFORE_BINS, PatternChanges, PatternWatch
+from taxelflow.slip.pattern_change import BINS, PatternChanges, PatternWatch
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats, Scans
@@ -25,7 +25,7 @@ CREEP_M_S = 1e-4
 
 
 def compared(scans: Scans, after: int = AFTER) -> PatternChanges:
-    return PatternWatch(SENSOR.layout, CREEP_M_S, after, BASELINE_BINS).step(scans)
+    return PatternWatch(SENSOR.layout, CREEP_M_S, after, BINS.longer).step(scans)
 
 
 def ratios(changes: PatternChanges) -> Floats:
@@ -82,7 +82,7 @@ def test_noise_alone_stirs_one_bin_in_many() -> None:
 def test_bins_are_of_a_tenth_of_a_second_at_any_rate(rate_hz: float) -> None:
     scans = touched(texture(np.zeros(round(5 * rate_hz))), rate_hz)
     found = np.flatnonzero(np.isfinite(compared(scans).centre_s))
-    assert len(found) == pytest.approx(50 - BEFORE_BINS - AFTER, abs=5)
+    assert len(found) == pytest.approx(50 - BINS.before - AFTER, abs=5)
 
 
 def test_the_judged_bin_lies_before_those_after_it() -> None:
@@ -127,13 +127,13 @@ def test_patterns_are_not_compared_across_a_gap() -> None:
     assert not (ratios(compared(scans)) > 0).any()
 
 
-@pytest.mark.parametrize(("number", "between"), list(enumerate(BASELINE_BINS)))
+@pytest.mark.parametrize(("number", "between"), list(enumerate(BINS.longer)))
 def test_longer_baselines_end_with_the_same_bins(number: int, between: int) -> None:
     changes = compared(touched(texture(np.repeat([0.0, 0.01], 30))))
     moved = np.flatnonzero(changes.longer[:, 0, number, 0] > 0.01)
     assert moved[0] == 30  # the first bin after the step is one of those compared
-    assert moved[-1] == 30 + between + BEFORE_BINS + AFTER - 2
-    assert np.isnan(changes.longer[: BEFORE_BINS + between + AFTER - 1, 0, number]).all()
+    assert moved[-1] == 30 + between + BINS.before + AFTER - 2
+    assert np.isnan(changes.longer[: BINS.before + between + AFTER - 1, 0, number]).all()
 
 
 @cache
@@ -146,7 +146,7 @@ def slid() -> tuple[Scans, PatternChanges]:
 @given(st.lists(st.integers(1, 60), max_size=6))
 def test_the_blocks_do_not_matter(sizes: list[int]) -> None:
     scans, whole = slid()
-    watch = PatternWatch(SENSOR.layout, CREEP_M_S, AFTER, BASELINE_BINS)
+    watch = PatternWatch(SENSOR.layout, CREEP_M_S, AFTER, BINS.longer)
     edges = [0, *(edge for edge in np.cumsum(sizes).tolist() if edge < len(scans)), len(scans)]
     parts = [watch.step(cut(scans, start, stop)) for start, stop in pairwise(edges)]
     for name in ("centre_s", "touching", "unexplained", "noise", "rise", "stirred", "longer"):

@@ -17,10 +17,20 @@ JOINT = "joint:"
 """Beginning of the names of columns with joint angles, in rad."""
 SECONDS_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of times."""
-SLOWEST_HZ, _FASTEST_HZ = 0.5, 20e3
-"""Scan rates of tactile sensors; a rate outside suggests times in a wrong unit."""
-_USUAL_HZ = (5.0, 2000.0)
-"""Scan rates by which the unit of the times is guessed."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Rates:
+    """Scan rates of tactile sensors, Hz."""
+
+    slowest_hz: float = 0.5
+    fastest_hz: float = 20e3
+    """A rate outside suggests times in a wrong unit."""
+    usual_hz: tuple[float, float] = (5.0, 2000.0)
+    """Rates by which the unit of the times is guessed."""
+
+
+RATES = _Rates()
 _LATEST_S = 4e9
 """Unix time in 2096: stamps of the epoch in another unit than s are far above."""
 
@@ -201,7 +211,7 @@ def _listed(names: list[str]) -> str:
 
 def likely_unit(rate_hz: float) -> str | None:
     """Unit of times with which a rate is that of a tactile sensor; None if there is none. rate_hz: with times in s."""
-    fit = (name for name, seconds in SECONDS_PER.items() if _USUAL_HZ[0] <= rate_hz / seconds <= _USUAL_HZ[1])
+    fit = (name for name, seconds in SECONDS_PER.items() if RATES.usual_hz[0] <= rate_hz / seconds <= RATES.usual_hz[1])
     return next(fit, None)
 
 
@@ -212,7 +222,7 @@ def epoch_units(stamp_s: float) -> list[str]:
 
 def doubted_rate(rate_hz: float, first_s: float) -> list[str]:
     """A note if no tactile sensor scans at this rate, with the likely unit of the times. first_s: the first of them."""
-    if SLOWEST_HZ <= rate_hz <= _FASTEST_HZ:
+    if RATES.slowest_hz <= rate_hz <= RATES.fastest_hz:
         return []
     units = epoch_units(first_s)
     units += filter(None, [likely_unit(rate_hz)])

@@ -8,6 +8,7 @@ per `<frame>` a time stamp in ms and big-endian float32 in hex, where -k encodes
 from __future__ import annotations
 
 import bz2
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
@@ -21,7 +22,7 @@ from taxelflow.errors import RecordingCorrupt, RecordingTruncated, TaxelCountWro
 from taxelflow.messages import Bools, Floats, Joints, RawScans
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.names import safe_name
-from taxelflow.sensors.pads import MOST_CELLS, MOST_PADS, Pad
+from taxelflow.sensors.pads import MOST, Pad
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.sensors.validation import check_sizes
 
@@ -42,12 +43,21 @@ _PIECE_BYTES = 1 << 16
 """Bytes that are decompressed and parsed at a time."""
 _MOST_ELEMENT = 1 << 22
 """Memory of a scan or a matrix at most: 32,768 cells in hex need 0.3 MB."""
-_ELEMENT_BYTES = 100
-"""Memory of an element without text."""
-_CHARGE = 256
-"""Bytes that an element counts for in what a file unpacks to: so long its parsing takes."""
-_MOST_DEPTH = 32
-"""Depth of the XML at most; recordings have 5."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Element:
+    """Elements of the XML."""
+
+    bytes: int = 100
+    """Memory of one without text."""
+    charge: int = 256
+    """Bytes that one counts for in what a file unpacks to: so long its parsing takes."""
+    depth: int = 32
+    """Depth at most; recordings have 5."""
+
+
+_ELEMENT = _Element()
 
 
 def open_dsa(path: Path, sensor: Sensor | None) -> Recording:
@@ -80,7 +90,7 @@ def _head(path: Path) -> tuple[list[ElementTree.Element], int | None]:
         if element.tag == "matrix":
             matrices.append(element)
             held += sum(map(len, element.itertext()))
-            if len(matrices) > MOST_PADS or held > _MOST_ELEMENT:
+            if len(matrices) > MOST.pads or held > _MOST_ELEMENT:
                 raise ValueError(f"its {len(matrices)} first matrices hold {held} characters")
         elif element.tag == "frame_count":
             return matrices, int(element.text or "")
@@ -117,7 +127,7 @@ def _sensor(pads: tuple[Pad, ...], full_scale: float) -> Sensor:
 
 def _pad(matrix: ElementTree.Element) -> Pad:
     rows, cols = int(_text(matrix, "cells_y")), int(_text(matrix, "cells_x"))
-    if not (0 < rows <= MOST_CELLS and 0 < cols <= MOST_CELLS):
+    if not (0 < rows <= MOST.cells and 0 < cols <= MOST.cells):
         raise ValueError(f"a matrix of {rows} x {cols} cells")
     present = _mask(matrix, "static_mask").reshape(rows, cols)
     return Pad(
@@ -167,7 +177,7 @@ def _elements(path: Path) -> Iterator[ElementTree.Element]:
             if not piece and unzip.needs_input:
                 break
             text = unzip.decompress(piece, _PIECE_BYTES)
-            budget.spend(len(text) + _CHARGE * found.elements)
+            budget.spend(len(text) + _ELEMENT.charge * found.elements)
             found.elements = 0
             try:
                 parser.feed(text)
@@ -196,12 +206,12 @@ class _Found:
         """An element begins."""
         self.depth += 1
         self.elements += 1
-        if self.depth > _MOST_DEPTH:
-            raise ValueError(f"elements are nested more than {_MOST_DEPTH} deep")
+        if self.depth > _ELEMENT.depth:
+            raise ValueError(f"elements are nested more than {_ELEMENT.depth} deep")
         if self._builder is None and tag in _READ:
             self._builder, self._outside, self._held = ElementTree.TreeBuilder(), self.depth, 0
         if self._builder is not None:
-            self._hold(_ELEMENT_BYTES)
+            self._hold(_ELEMENT.bytes)
             self._builder.start(tag, attributes)
 
     def data(self, text: str) -> None:

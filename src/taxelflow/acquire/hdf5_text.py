@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import RecordingCorrupt
@@ -15,8 +16,17 @@ from taxelflow.errors import RecordingCorrupt
 if TYPE_CHECKING:
     from pathlib import Path
 
-_MOST_S, _MOST_CPU_S = 20.0, 3
-"""Time and processor time that the process may take, s; importing the library takes a tenth of the latter."""
+
+@dataclass(frozen=True, slots=True)
+class _Most:
+    """What the process may take, s."""
+
+    wall_s: float = 20.0
+    cpu_s: int = 3
+    """Processor time; importing the library takes a tenth of it."""
+
+
+_MOST = _Most()
 _PROGRAM = """
 import sys
 try:
@@ -36,15 +46,15 @@ _REMEDY = "store it as text of fixed length (numpy.bytes_), or give --sensor"
 
 def text_beside(path: Path, place: str, name: str) -> str:
     """One text of variable length. place: attribute or dataset. Raises RecordingCorrupt."""
-    command = [sys.executable, "-c", _PROGRAM, str(path), place, name, str(_MOST_CPU_S)]
+    command = [sys.executable, "-c", _PROGRAM, str(path), place, name, str(_MOST.cpu_s)]
     try:
-        done = subprocess.run(command, capture_output=True, timeout=_MOST_S, check=False)
+        done = subprocess.run(command, capture_output=True, timeout=_MOST.wall_s, check=False)
     except subprocess.TimeoutExpired as error:
-        raise RecordingCorrupt(path, f"its text {name} cannot be read in {_MOST_S:g} s", _REMEDY) from error
+        raise RecordingCorrupt(path, f"its text {name} cannot be read in {_MOST.wall_s:g} s", _REMEDY) from error
     if done.returncode:
         reported = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
         why = (
-            reported[0] if reported else f"it takes more than {_MOST_CPU_S} s of processor time, as a damaged one does"
+            reported[0] if reported else f"it takes more than {_MOST.cpu_s} s of processor time, as a damaged one does"
         )
         raise RecordingCorrupt(path, f"its text {name} cannot be read: {why}", _REMEDY)
     return done.stdout.decode(errors="replace")

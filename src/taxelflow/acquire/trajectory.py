@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _COLUMNS = (["t_s", "x_m", "y_m"], ["t_s", "x_m", "y_m", "theta_rad"])
 _TUM, _TUM_FIELDS = (".tum", ".txt"), 8
+"""Suffixes of the TUM format, and numbers in a row: time, position and quaternion."""
 _BAGS = (".bag", ".mcap", ".db3")
 
 

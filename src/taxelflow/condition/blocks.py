@@ -14,7 +14,7 @@ import numpy as np
 
 from taxelflow.condition.contact import Conditioned
 from taxelflow.condition.deduplicate import MIN_LOADED_TAXELS, end_run, is_recognised
-from taxelflow.condition.gaps import GAP_RATIO, MIN_STEPS, add_gap, add_step, judge_new_step
+from taxelflow.condition.gaps import GAP, add_gap, add_step, judge_new_step
 from taxelflow.condition.stream_state import STEPS, StreamState
 from taxelflow.numerics.ring import at, put
 
@@ -135,7 +135,7 @@ def _jumps(t: Floats, stream: StreamState) -> list[bool]:
     usual = np.full(len(steps), np.inf)
     short = min(max(STEPS - known, 0), len(steps))
     for k in range(short):
-        if known + k >= MIN_STEPS:
+        if known + k >= GAP.steps:
             usual[k] = np.median(ordered[: known + k])
     if len(steps) > short:
         windows = np.lib.stride_tricks.sliding_window_view(ordered[known + short - STEPS : -1], STEPS)
@@ -144,7 +144,7 @@ def _jumps(t: Floats, stream: StreamState) -> list[bool]:
     newest = steps[-STEPS:].tolist()
     for number, step_s in enumerate(newest, stream.stamps - len(newest)):
         put(stream.recent_steps_s, number, step_s)
-    return [False] * int(first) + cast("list[bool]", (steps > GAP_RATIO * usual).tolist())
+    return [False] * int(first) + cast("list[bool]", (steps > GAP.ratio * usual).tolist())
 
 
 class _Taxels:

@@ -9,7 +9,7 @@ about one standard deviation of noise in 250 scans.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,20 +21,29 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Scans
     from taxelflow.sensors.layout import Layout
 
-BLOCK_SCANS = 64
-"""Scans of a block: the standard deviation of its mean is an eighth of that of a reading."""
-_UPDATE_SHARE = 0.5
-"""Share of a block's mean that is added to the offset: the noise left in the mean hardly moves it."""
-_MAX_CHANGE_SIGMAS = 8.0
-"""A block in which some taxel's mean differs from 0 by more standard deviations of the mean changed too suddenly."""
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """A block of idle scans."""
+
+    scans: int = 64
+    """Scans of a block: the standard deviation of its mean is an eighth of that of a reading."""
+    share: float = 0.5
+    """Share of a block's mean that is added to the offset: the noise left in the mean hardly moves it."""
+    most_sigmas: float = 8.0
+    """A block in which some taxel's mean differs from 0 by more standard deviations of the mean changed too
+    suddenly."""
+
+
+BLOCK = _Block()
 
 
 class DriftTracker:
-    """Collects blocks of tared readings, at most BLOCK_SCANS long, and updates the offsets of idle pads."""
+    """Collects blocks of tared readings, at most BLOCK.scans long, and updates the offsets of idle pads."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
-        self._block = np.zeros((BLOCK_SCANS, layout.taxels))
+        self._block = np.zeros((BLOCK.scans, layout.taxels))
         self._scans = 0
         self._idle = np.ones(layout.pad_count, dtype=np.bool_)
         self._tare: Floats | None = None
@@ -46,7 +55,7 @@ class DriftTracker:
     @property
     def remaining(self) -> int:
         """Scans until the block is full."""
-        return BLOCK_SCANS - self._scans
+        return BLOCK.scans - self._scans
 
     def restart(self, baseline: Baseline) -> None:
         """Follow new offsets from here on: drift counts from them."""
@@ -75,12 +84,12 @@ class DriftTracker:
         own = self._layout.of_pad(pad)
         live = ~baseline.masked[own]
         mean = self._block[:, own].mean(axis=0)
-        mean_std = baseline.noise[own] / BLOCK_SCANS**0.5
+        mean_std = baseline.noise[own] / BLOCK.scans**0.5
         total = baseline.offset[own] + mean - tare[own]
         if (
             not live.any()
-            or (np.abs(mean) > _MAX_CHANGE_SIGMAS * mean_std)[live].any()
+            or (np.abs(mean) > BLOCK.most_sigmas * mean_std)[live].any()
             or not is_unstructured(total, ~live, self._layout.neighbours(pad), float(mean_std.max()))
         ):
             return np.zeros(len(live))
-        return np.where(live, _UPDATE_SHARE * mean, 0.0)
+        return np.where(live, BLOCK.share * mean, 0.0)

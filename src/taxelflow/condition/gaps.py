@@ -5,6 +5,8 @@ There are two kinds: a step between stamps, and one between new scans, if a sens
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from taxelflow.condition.stream_state import STEPS, StreamState
@@ -13,17 +15,24 @@ from taxelflow.numerics.median import median_of_first
 from taxelflow.numerics.ring import put
 from taxelflow.runtime.compiling import routine
 
-GAP_RATIO = 3.0
-"""A time step longer than this many usual ones is a gap: 3 lost scans are one, jitter and a single lost scan are not.
-"""
-MIN_STEPS = 3
-"""Fewer steps have no usual one."""
+
+class _Gap(NamedTuple):
+    """A gap between scans."""
+
+    ratio: float = 3.0
+    """A time step longer than this many usual ones is a gap: 3 lost scans are one, jitter and a single lost scan are
+    not."""
+    steps: int = 3
+    """Fewer steps have no usual one."""
+
+
+GAP = _Gap()
 
 
 @routine
 def judge_stamp(step_s: float, stream: StreamState) -> None:
     """Recognise a gap between stamps; mean and variance of the other steps."""
-    if step_s > GAP_RATIO * _median(stream.recent_steps_s, stream.stamps):
+    if step_s > GAP.ratio * _median(stream.recent_steps_s, stream.stamps):
         add_gap(step_s, stream)
     else:
         add_step(step_s, stream)
@@ -34,7 +43,7 @@ def judge_stamp(step_s: float, stream: StreamState) -> None:
 @routine
 def judge_new_step(step_s: float, stream: StreamState) -> None:
     """Recognise a sensor that hung while its logger went on. Both scans of the step are evidence."""
-    hung = step_s > GAP_RATIO * _median(stream.recent_new_steps_s, stream.new_stamps)
+    hung = step_s > GAP.ratio * _median(stream.recent_new_steps_s, stream.new_stamps)
     if hung and stream.dropped_since_kept > 0 and not stream.gap_pending:
         add_gap(step_s, stream)
     put(stream.recent_new_steps_s, stream.new_stamps, step_s)
@@ -64,6 +73,6 @@ def add_gap(step_s: float, stream: StreamState) -> None:
 @routine
 def _median(ring: Floats, written: int) -> float:
     """Median of the recent steps; infinite while there are too few."""
-    if written < MIN_STEPS:
+    if written < GAP.steps:
         return np.inf
     return median_of_first(ring, min(written, STEPS))

@@ -49,7 +49,8 @@ class _Steady:
     """Windows in which a taxel is loaded steadily."""
 
     freedom: float = 0.514
-    """Degrees of freedom of the mean square of second differences, a difference: neighbouring ones are correlated."""
+    """Degrees of freedom of the mean square of second differences, a difference: 6^2 / (6^2 + 2 (4^2 + 1^2)) = 36 / 70,
+    as neighbouring ones have covariances of -4 and 1 beside a variance of 6."""
     line_ratio: float = 2.5
     """In a steady window the variance about a line is at most this ratio to that by second differences; noise that is
     independent from scan to scan exceeds it in 3 % of the windows, a passing object hardly ever falls below."""

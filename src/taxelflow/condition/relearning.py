@@ -9,6 +9,7 @@ process of its own: a thread would share Python's lock with the scans, which del
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -26,8 +27,17 @@ if TYPE_CHECKING:
     from taxelflow.runtime.worker import Runs
     from taxelflow.sensors.sensor import Sensor
 
-_LEAST_S, _PER_WINDOW_S = 0.1, 2e-3
-"""Time from begin to adoption: a constant, and more for each window of the sample."""
+
+@dataclass(frozen=True, slots=True)
+class _Delay:
+    """Time from begin to adoption, s."""
+
+    least_s: float = 0.1
+    per_window_s: float = 2e-3
+    """More for each window of the sample."""
+
+
+_DELAY = _Delay()
 
 
 class Relearning:
@@ -59,7 +69,7 @@ class Relearning:
         """Learn from the sample as it is now. before: the present baseline."""
         held = sample.snapshot()
         job = self._beside.submit(update_baseline, self._parameters, self._sensor, held, before)
-        self._lane.begin(job, now_s, now_s + _LEAST_S + _PER_WINDOW_S * len(held), self._put)
+        self._lane.begin(job, now_s, now_s + _DELAY.least_s + _DELAY.per_window_s * len(held), self._put)
 
     def adopt(self, now_s: float) -> None:
         """Adopt the baseline that is due, if any; waits for it if it is not ready."""

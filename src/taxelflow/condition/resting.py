@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import log_ndtr
 
+from taxelflow.numerics.robust import MAD_TO_SIGMA
 from taxelflow.numerics.rounding import CERTAIN
 
 if TYPE_CHECKING:
@@ -33,8 +34,6 @@ class _Level:
 
     scatters: float = 0.5
     """Share of scans in which the reading of a taxel that scatters changes: clipped ones do not show the noise."""
-    normal_median: float = 0.6745
-    """Median absolute value of normal numbers of standard deviation 1."""
     iterations: int = 5
     """Of the level: the last one changes it by less than a tenth of the noise."""
     start_quantile: float = 0.1
@@ -92,7 +91,7 @@ def far_from_loads(readings: Floats, near: NDArray[np.int64]) -> Floats:
     scatters = np.sum(both & (readings[1:] != readings[:-1]), axis=0) > _LEVEL.scatters * both.sum(axis=0)
     change = change[:, scatters]
     change = change[np.isfinite(change)]
-    scatter = float(np.median(change)) / _LEVEL.normal_median / 6**0.5 if change.size else 0.0
+    scatter = MAD_TO_SIGMA * float(np.median(change)) / 6**0.5 if change.size else 0.0
     most = float(np.max(load, initial=0.0, where=np.isfinite(load)))
     loaded = ~(load <= max(NEAR_LOAD_SHARE * most, CERTAIN * scatter)) & ~np.isnan(readings)
     beside: Bools = loaded.copy()

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from copy import copy
+from typing import NamedTuple
 
 import numpy as np
 
 from taxelflow.messages import Floats
 
-WINDOW_SCANS = 12
-"""Long enough for noise and a steady mean, short enough that an object at rest between motions fills some."""
-MAX_WINDOWS = 512
-"""Windows kept at most: enough for the quantiles of noise, and 1 MB for 20 taxels."""
+
+class _Windows(NamedTuple):
+    """Windows of consecutive scans that are kept."""
+
+    scans: int = 12
+    """Long enough for noise and a steady mean, short enough that an object at rest between motions fills some."""
+    most: int = 512
+    """Windows kept at most: enough for the quantiles of noise, and 1 MB for 20 taxels."""
+
+
+WINDOWS = _Windows()
 _MOST_BYTES = 1 << 26
-"""Memory that the windows take at most: from 1400 taxels on there are fewer than MAX_WINDOWS."""
+"""Memory that the windows take at most: from 1400 taxels on there are fewer than WINDOWS.most."""
 
 
 class Sample:
@@ -24,18 +32,18 @@ class Sample:
 
     def __init__(self, taxels: int) -> None:
         self.windows_seen = 0
-        self._most = max(2, min(MAX_WINDOWS, _MOST_BYTES // (8 * WINDOW_SCANS * max(taxels, 1))))
+        self._most = max(2, min(WINDOWS.most, _MOST_BYTES // (8 * WINDOWS.scans * max(taxels, 1))))
         self._random = np.random.default_rng(0)  # a replay draws the same windows
         self.first = np.zeros((0, taxels))
-        """The first window of all, (WINDOW_SCANS, taxels), kept in any case."""
+        """The first window of all, (WINDOWS.scans, taxels), kept in any case."""
         self._windows: list[Floats] = []  # none is written to: a copy shares them, and a longer list costs nothing
         self._starts_s: list[float] = []
-        self._room = np.empty((WINDOW_SCANS, taxels))
+        self._room = np.empty((WINDOWS.scans, taxels))
         self._open, self._open_s = self._room[:0], 0.0
 
     @property
     def windows(self) -> Floats:
-        """(windows, WINDOW_SCANS, taxels), in the order drawn; at most MAX_WINDOWS. Each call copies them."""
+        """(windows, WINDOWS.scans, taxels), in the order drawn; at most WINDOWS.most. Each call copies them."""
         return np.stack(self._windows) if self._windows else self._room[np.newaxis][:0]
 
     def __len__(self) -> int:
@@ -55,29 +63,29 @@ class Sample:
     @property
     def remaining(self) -> int:
         """Scans until the next window is full."""
-        return WINDOW_SCANS - len(self._open)
+        return WINDOWS.scans - len(self._open)
 
     @property
     def until_doubled(self) -> int:
         """Scans until there will have been 1, 2, 4, 8, ... windows."""
-        return ((1 << self.windows_seen.bit_length()) - self.windows_seen - 1) * WINDOW_SCANS + self.remaining
+        return ((1 << self.windows_seen.bit_length()) - self.windows_seen - 1) * WINDOWS.scans + self.remaining
 
     def add(self, t_s: Floats, values: Floats) -> None:
         """Take (scans, taxels) in time order."""
-        if len(values) == 1 and 0 < len(self._open) < WINDOW_SCANS - 1:
+        if len(values) == 1 and 0 < len(self._open) < WINDOWS.scans - 1:
             self._room[len(self._open)] = values[0]
             self._open = self._room[: len(self._open) + 1]
             return
         if len(self._open):
             t_s = np.concatenate([np.full(len(self._open), self._open_s), t_s])
             values = np.concatenate([self._open, values])
-        full = len(values) // WINDOW_SCANS
-        whole = full * WINDOW_SCANS
-        windows = values[:whole].reshape(full, WINDOW_SCANS, values.shape[1])
-        for since_s, window in zip(t_s[:whole:WINDOW_SCANS].tolist(), windows, strict=True):
+        full = len(values) // WINDOWS.scans
+        whole = full * WINDOWS.scans
+        windows = values[:whole].reshape(full, WINDOWS.scans, values.shape[1])
+        for since_s, window in zip(t_s[: whole : WINDOWS.scans].tolist(), windows, strict=True):
             self._keep(since_s, window)
         left = values[whole:]
-        self._room = np.empty((WINDOW_SCANS, values.shape[1]))  # a new one, as a window or a copy may be part of it
+        self._room = np.empty((WINDOWS.scans, values.shape[1]))  # a new one, as a window or a copy may be part of it
         self._room[: len(left)] = left
         self._open = self._room[: len(left)]
         if len(self._open):

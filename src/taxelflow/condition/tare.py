@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from taxelflow.condition.resting import NEAR_LOAD_SHARE, far_from_loads, find_rest
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.centroid import LOADED_SIGMAS
+from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.robust import robust_std
 from taxelflow.numerics.rounding import CERTAIN, SIGNIFICANT
 
@@ -233,7 +233,7 @@ def rest_offset(
     near_idle = ~known & live & (beside.unloaded.sum(axis=0) >= 1.0)
     near_idle &= np.abs(beside.level - middle) <= _IDLE.spreads * spread
     near_idle &= (
-        np.max(readings, axis=0, initial=-np.inf, where=np.isfinite(readings)) > middle + LOADED_SIGMAS * spread
+        np.max(readings, axis=0, initial=-np.inf, where=np.isfinite(readings)) > middle + LOADED.sigmas * spread
     )
     offset = np.where(known, level, np.where(near_idle, np.maximum(beside.level, lowest), middle))
     std = np.where(known, std, np.where(near_idle, np.minimum(np.maximum(0.5 * spread, std), spread), spread))
@@ -250,7 +250,7 @@ def _never_loaded_left_out(level: Floats, std: Floats, known: Bools, near: NDArr
     """known (taxels,) without those whose level is a load, and their neighbours: the skirt of that load."""
     while known.any():
         middle, spread = _middle_and_spread(level[known], std[known])
-        loaded = known & (level > middle + LOADED_SIGMAS * spread)
+        loaded = known & (level > middle + LOADED.sigmas * spread)
         if not loaded.any():
             break
         known = known & ~loaded & ~loaded[near].any(axis=1)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.centroid import LOADED_SIGMAS
+from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
 from taxelflow.runtime.compiling import routine
 
@@ -51,7 +51,7 @@ def fit_smooth(p: Floats, noise: Floats, x: Floats, y: Floats, scratch: Scratch)
     loaded, peak, reach = 0, 0.0, 0.0
     for k in range(len(p)):
         rest[k] = 0.0
-        if p[k] > LOADED_SIGMAS * noise[k]:
+        if p[k] > LOADED.sigmas * noise[k]:
             loaded += 1
             peak = max(peak, p[k])
         reach = max(reach, abs(x[k] - x[0]), abs(y[k] - y[0]))
@@ -63,7 +63,7 @@ def fit_smooth(p: Floats, noise: Floats, x: Floats, y: Floats, scratch: Scratch)
         terms[k, 0], terms[k, 1], terms[k, 2] = 1.0, u, v
         terms[k, 3], terms[k, 4], terms[k, 5] = u * u, u * v, v * v
     for k in range(len(p)):
-        scratch.shares[k], scratch.least[k] = p[k] / peak, LOADED_SIGMAS * noise[k] / peak
+        scratch.shares[k], scratch.least[k] = p[k] / peak, LOADED.sigmas * noise[k] / peak
     for law in _LAWS:
         energy = fit_law(law, len(p), scratch)
         if energy < least:

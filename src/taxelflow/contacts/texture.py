@@ -15,9 +15,9 @@ import numpy as np
 
 from taxelflow.contacts.smooth_laws import TERMS, Scratch, fit_smooth, room_for
 from taxelflow.messages import Bools, Floats, Scans, Texture
-from taxelflow.numerics.centroid import LOADED_SIGMAS
+from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.records import Records, records
-from taxelflow.numerics.rounding import NEIGHBOUR, ROUNDING
+from taxelflow.numerics.rounding import REACH, ROUNDING
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.runtime.settled import Settled
@@ -190,7 +190,7 @@ def add_scan(
         return
     xx = xy_ = yy = noise_x = noise_y = rough = 0.0
     for k in range(begin, end):
-        if not pressure[k] > LOADED_SIGMAS * noise[k]:
+        if not pressure[k] > LOADED.sigmas * noise[k]:
             continue
         gx, gy = gradient_at(k, pressure, noise, gradients, 0)
         rx, ry = gradient_at(k, scratch.rest, noise, gradients, begin)
@@ -234,7 +234,7 @@ def turn_energy(
     begin, end = own
     aa = ab = bb = pa = pb = pp = rr_g = rx_g = ry_g = 0.0
     for k in range(begin, end):
-        if pressure[k] > LOADED_SIGMAS * noise[k]:
+        if pressure[k] > LOADED.sigmas * noise[k]:
             gx, gy = gradient_at(k, pressure, noise, gradients, 0)
             x, y = xy[0, k] - xy[0, begin], xy[1, k] - xy[1, begin]
             along, square = x * gy - y * gx, gx * gx + gy * gy
@@ -267,7 +267,7 @@ def _gradients(starts: tuple[int, ...], x_m: bytes, y_m: bytes, pitch_m: tuple[f
     own = np.zeros((len(places), 2))
     for start, stop, pitch in zip(starts[:-1], starts[1:], pitch_m, strict=True):
         place = places[start:stop]
-        near = NEIGHBOUR * pitch
+        near = REACH.neighbour * pitch
         for k, here in enumerate(place):
             beside = place - here
             who = np.flatnonzero((np.abs(beside).max(axis=1) <= near) & (np.arange(len(place)) != k))

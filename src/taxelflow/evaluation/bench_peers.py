@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 STEPPED = ("lnorm", "convolution", "template", "registration")
 """Methods that are timed, where they are registered."""
 RATE_HZ = 100.0
+"""Rate of the scans that are timed."""
 _INNER = 4
 """Steps in a row, of which the last is timed: the first ones refill the caches that the others emptied."""
 

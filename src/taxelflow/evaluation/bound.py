@@ -41,10 +41,18 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.simulation.scenario import Scenario
 
-_STEP_PITCHES, _TURN_PITCHES = 5e-3, 0.05
-"""Steps of the central differences, in pitches; a turn moves the object's farthest edge by the second. About the
-resolution of a scan, so that structure too fine to be observed (the cells of the elastic solver's fields) has little
-effect."""
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """Steps of the central differences, in pitches."""
+
+    place: float = 5e-3
+    edge: float = 0.05
+    """A turn moves the object's farthest edge by this. About the resolution of a scan, so that structure too fine to be
+    observed (the cells of the elastic solver's fields) has little effect."""
+
+
+_STEP = _Step()
 _LOOSE = np.diag([1.0, 1.0, 1e-2])
 """Information added to every pose, of 1 m and 10 rad: keeps the matrices of scans without information invertible."""
 _SPINS_RAD = 0.2
@@ -161,7 +169,7 @@ def modelled(scenario: Scenario, layout: Layout, pad: int, t_s: Floats) -> Model
     taxels = np.arange(layout.taxels)[own]
     pressure = pressures(scenario, layout, [pad], t_s)[:, own]
     pitch_m = layout.pitch_m[pad]
-    steps = np.array([*(_STEP_PITCHES * pitch_m), _TURN_PITCHES * pitch_m.min() / scenario.contact.reach_m])
+    steps = np.array([*(_STEP.place * pitch_m), _STEP.edge * pitch_m.min() / scenario.contact.reach_m])
     there, back = (
         np.stack([pressures(scenario, layout, [pad], t_s, shift)[:, own] for shift in np.diag(way)], axis=-1)
         for way in (steps, -steps)

@@ -23,8 +23,17 @@ if TYPE_CHECKING:
     from taxelflow.simulation.mujoco.trial import Trial
 
 _MOTIONS = ("slide", "pivot")
-_BY_MM, _BY_DEG = 5.0, 45.0
-"""Default slide and turn of the controllers that let an object move."""
+
+
+@dataclass(frozen=True, slots=True)
+class _By:
+    """Default motion of the controllers that let an object move."""
+
+    mm: float = 5.0
+    deg: float = 45.0
+
+
+_BY = _By()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,9 +225,9 @@ class Control(Output):
         own: dict[str, Any] = {}
         objects, events, draw = DEFAULT_OBJECTS[self.hand], STANDARD_EVENTS, Trial.drawn
         if name == "slide":
-            own, objects, draw = {"by_m": 1e-3 * (self.by_mm or _BY_MM)}, ("bottle", "bumpy"), Trial.to_slide
+            own, objects, draw = {"by_m": 1e-3 * (self.by_mm or _BY.mm)}, ("bottle", "bumpy"), Trial.to_slide
         elif name == "pivot":
-            own, objects, draw = {"by_rad": radians(self.by_deg or _BY_DEG)}, ("bumpy",), Trial.to_pivot
+            own, objects, draw = {"by_rad": radians(self.by_deg or _BY.deg)}, ("bumpy",), Trial.to_pivot
         if name in _MOTIONS:
             events = ("none",)
             if set(self.events) - {"none"}:

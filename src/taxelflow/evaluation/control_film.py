@@ -28,17 +28,26 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
     from taxelflow.publish.plots.film import Frame
 
-FPS, SCANS_PER_FRAME = 25, 2
-"""A film at half speed: 100 scans a second, every second one at 25 frames a second."""
-_LONGEST_M = 0.06
-"""Length of the arrow of the trial's largest force: two thirds of a bottle's width."""
+
+@dataclass(frozen=True, slots=True)
+class _Film:
+    """A film at half speed."""
+
+    fps: int = 25
+    scans_per_frame: int = 2
+    """100 scans a second, every second one at 25 frames a second."""
+    arrow_m: float = 0.06
+    """Length of the arrow of the trial's largest force: two thirds of a bottle's width."""
+
+
+FILM = _Film()
 
 
 def film_course(course: Course, path: Path) -> int:
     """Run a trial and film it; the number of frames. Raises ParameterInvalid, ExtraMissing, GraphicsMissing."""
     check_video(path)
     with styled():
-        return write_video(_frames(course), path, FPS)
+        return write_video(_frames(course), path, FILM.fps)
 
 
 def _frames(course: Course, pixels: int = 640) -> Iterator[Frame]:
@@ -63,12 +72,12 @@ def _drawn(course: Course, camera: Camera, seen: list[Seen], places: list[Floats
     import matplotlib.pyplot as plt
 
     sheet = _Sheet(course, seen)
-    m_per_n = _LONGEST_M / max(float(np.linalg.norm(one)) for moment in seen for one in _pulls(course, moment))
-    for number in range(SCANS_PER_FRAME - 1, len(seen), SCANS_PER_FRAME):
+    m_per_n = FILM.arrow_m / max(float(np.linalg.norm(one)) for moment in seen for one in _pulls(course, moment))
+    for number in range(FILM.scans_per_frame - 1, len(seen), FILM.scans_per_frame):
         picture = camera.frame(places[number], partial(_forces, course, seen[number], m_per_n))
         frame = sheet.frame(seen[number], picture)
         yield frame
-    yield from repeat(frame, FPS)  # the result stands for a second
+    yield from repeat(frame, FILM.fps)  # the result stands for a second
     plt.close(sheet.figure)
 
 
@@ -89,7 +98,7 @@ def _forces(course: Course, now: Seen, m_per_n: float) -> list[Arrow]:
         site = grip.data.site(pad.name)
         arrows.append(Arrow(site.xpos - m_per_n * site.xmat.reshape(3, 3) @ force, site.xpos, BLUE))
     return [
-        one for one in arrows if np.linalg.norm(one.end_m - one.start_m) > 0.03 * _LONGEST_M
+        one for one in arrows if np.linalg.norm(one.end_m - one.start_m) > 0.03 * FILM.arrow_m
     ]  # else it would be a dot
 
 

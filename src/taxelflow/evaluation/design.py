@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 Skin = Literal["square", "hexagonal", "triangular"]
 Body = Literal["asymmetric", "bar", "round"]
 _MOST_TRIALS = 100_000
+"""Trials of a design at most: a mistyped number would run for days."""
 
 
 @dataclass(frozen=True)

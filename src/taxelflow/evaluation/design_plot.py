@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.publish.plots.style import BLUE, GREEN, GREY, INK, VERMILION, caption, log_ticks, save, styled, widened
@@ -16,8 +17,17 @@ _QUANTITIES = (("translation", "mm", "bound_mm", "error_mm"), ("turn", "deg", "b
 _MARKS = (("square", BLUE, "s"), ("hexagonal", VERMILION, "h"), ("triangular", GREEN, "^"))
 _GUIDELINE = 10.0
 """Object over taxel, of the paper."""
-_LEAST_SPANS = (2.0, 5.0)
-"""Ends of the axes, over each other: with fewer taxels swept, points that lie side by side would look far apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class _LeastSpan:
+    """Ends of the axes, over each other: with fewer taxels swept, points that lie side by side would look far apart."""
+
+    x: float = 2.0
+    y: float = 5.0
+
+
+_LEAST_SPAN = _LeastSpan()
 
 
 def draw_design(rows: Sequence[DesignRow], path: Path) -> Path:
@@ -75,5 +85,5 @@ def _draw(axis: Any, rows: Sequence[DesignRow], bound: str, error: str) -> None:
         textcoords="offset points", rotation=90, ha="right", va="top", fontsize=7, color=INK,
     )  # fmt: skip
     axis.set_xlabel("length of the object / taxel pitch")
-    axis.set_xlim(widened(axis.get_xlim(), _LEAST_SPANS[0]))
-    axis.set_ylim(widened(axis.get_ylim(), _LEAST_SPANS[1]))
+    axis.set_xlim(widened(axis.get_xlim(), _LEAST_SPAN.x))
+    axis.set_ylim(widened(axis.get_ylim(), _LEAST_SPAN.y))

@@ -25,7 +25,7 @@ from taxelflow.pipeline import api
 from taxelflow.runtime.checks import at_least
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.motion import move
-from taxelflow.simulation.relief.parameters import LEAST_EXPONENT, MOST_EXPONENT
+from taxelflow.simulation.relief.parameters import EXPONENT
 from taxelflow.simulation.scenario import SCENARIOS
 from taxelflow.simulation.simulate import simulate
 
@@ -84,8 +84,8 @@ class Hand:
         at_least("seeds", self.seeds, 1)
         at_least("seed", self.seed, 0)
         at_least("grasps", self.grasps, 0)
-        if not LEAST_EXPONENT <= self.exponent <= MOST_EXPONENT:
-            raise ParameterInvalid("exponent", self.exponent, f"be between {LEAST_EXPONENT:g} and {MOST_EXPONENT:g}")
+        if not EXPONENT.least <= self.exponent <= EXPONENT.most:
+            raise ParameterInvalid("exponent", self.exponent, f"be between {EXPONENT.least:g} and {EXPONENT.most:g}")
 
     def run(self, watched: Watch = unwatched) -> HandReport:
         """Simulate, estimate, compare. Raises NameUnknown."""

@@ -18,7 +18,7 @@ from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, short, shown, solved_by
 from taxelflow.evaluation.hard_cases import CASES
 from taxelflow.evaluation.statistics import rms
-from taxelflow.evaluation.strokes import SPEEDS_MM_S, bounds, rms_of, strokes_by, trial, ungrouped
+from taxelflow.evaluation.strokes import TABLE1, bounds, rms_of, strokes_by, trial, ungrouped
 from taxelflow.pipeline import api
 from taxelflow.runtime.checks import at_least
 from taxelflow.simulation.scenario import Solver
@@ -95,7 +95,7 @@ class Hard:
         """Simulate every case, estimate, compare. Raises NameUnknown, ParameterInvalid, ExtraMissing (elastic)."""
         found = _Found(self.far_percent)
         for count in watched(range(self.seeds), "seeds"):
-            for speed, case in product(SPEEDS_MM_S, CASES):
+            for speed, case in product(TABLE1.speeds_mm_s, CASES):
                 scenario = case.change(trial(self.seed + count, speed, self.solver))
                 found.add(case, speed, scenario.seed, *_measured(scenario, case, self.methods, speed))
         rows = found.rows()

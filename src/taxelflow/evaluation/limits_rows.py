@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from scipy.constants import degree, milli
 
 from taxelflow.evaluation.nees import SPANS, Consistency, consistency
 from taxelflow.evaluation.statistics import finite, rms
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 AXES = ("x", "y", "theta")
 SETS = ("all", "ok")
 UNITS = {"x": "mm", "y": "mm", "theta": "deg"}
-_FACTORS = (1e3, 1e3, float(np.degrees(1.0)))
+_FACTORS = (1.0 / milli, 1.0 / milli, 1.0 / degree)
 """From m, m, rad to the rows' units."""
 _RMS = ("axis", "unit", "rms", "rms_standard_error_percent")
 ERROR = ("method", "scans", "n", *_RMS, "bound_known", "error_over_bound_known", "error_over_bound_unknown")

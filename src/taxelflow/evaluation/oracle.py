@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.slip.measurement import MIN_STD_M
+from taxelflow.slip.measurement import LEAST_STD
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,7 +32,7 @@ def called(
     place: (scans, 2), where the object is in truth. covariance: (scans, 2, 2) of its pose. runs: the slips, first scan
     and first after. alarm_s: mean time between false alarms. seed: of the errors.
     """
-    covariance = covariance + MIN_STD_M**2 * np.eye(2)
+    covariance = covariance + LEAST_STD.m**2 * np.eye(2)
     root, information = (np.asarray(of(covariance), dtype=np.float64) for of in (np.linalg.cholesky, np.linalg.inv))
     seen = place + np.einsum("kxy,ky->kx", root, np.random.default_rng(seed).standard_normal(place.shape))
     slipping, rests = np.zeros(len(t_s), dtype=np.bool_), 0

@@ -22,7 +22,7 @@ from taxelflow.evaluation.peer_methods import peers
 from taxelflow.evaluation.statistics import rms
 from taxelflow.evaluation.strokes import (
     SETS,
-    SPEEDS_MM_S,
+    TABLE1,
     Row,
     Stroke,
     Strokes,
@@ -133,7 +133,7 @@ class _Measured:
         """RMS of the strokes' bounds, by speed and set of scans."""
         return [
             BoundRow(speed, scans, 100 * rms(self._deviations[speed, scans]) / speed)
-            for speed in SPEEDS_MM_S
+            for speed in TABLE1.speeds_mm_s
             for scans in SETS
         ]
 
@@ -159,7 +159,7 @@ class PeersReport(msgspec.Struct, frozen=True):
     def tables(self) -> list[Table]:
         """Velocity errors of all with the bound, then the ratios of the best."""
         rows: list[tuple[Cell, ...]] = []
-        for speed in SPEEDS_MM_S:
+        for speed in TABLE1.speeds_mm_s:
             rows += [(speed, *cells) for cells in self._cells(speed)]
         columns = ("all", "interior", "all_fitted", "interior_fitted")
         headings = ("speed_mm_s", "method", *(f"{column}_rmse_percent" for column in columns), "failed_pairs_percent")
@@ -224,7 +224,7 @@ def _percent(row: Row, strokes: int) -> str:
 def _heard(seen: Seen, method: str) -> bool:
     return all(
         any(np.isfinite(getattr(stroke, scans)) for stroke in seen[which, method])
-        for which in ("fit", *SPEEDS_MM_S)
+        for which in ("fit", *TABLE1.speeds_mm_s)
         for scans in SETS
     )
 
@@ -271,7 +271,7 @@ def _displacement(pair: Pair, before: Floats, after: Floats) -> float:
 
 def _best(rows: list[Row], ours: tuple[str, ...]) -> list[Best]:
     found = []
-    for key in product(SPEEDS_MM_S, SETS, (False, True)):
+    for key in product(TABLE1.speeds_mm_s, SETS, (False, True)):
         group = [row for row in rows if (row.nominal_mm_s, row.scans, row.factor_standard_error > 0) == key]
         own = min((row for row in group if row.method in ours), key=lambda row: row.rmse_percent)
         others = [row for row in group if row.method not in ours]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,10 +27,19 @@ if TYPE_CHECKING:
     from taxelflow.messages import Event, Floats, LearnedPattern
     from taxelflow.publish.summary import Summary
 
-_FAST = 0.75
-"""The scan drawn is this quantile of its part by speed: clearly moving, and not the one that is farthest off."""
-_SHARE = 0.2
-"""Least speed of the pads that slip, as a share of that quantile of all slips: less is noise at its begin or end."""
+
+@dataclass(frozen=True, slots=True)
+class _Drawn:
+    """The scan, and the pads, that are drawn."""
+
+    fast: float = 0.75
+    """The scan drawn is this quantile of its part by speed: clearly moving, and not the one that is farthest off."""
+    share: float = 0.2
+    """Least speed of the pads that slip, as a share of that quantile of all slips: less is noise at its begin or
+    end."""
+
+
+_DRAWN = _Drawn()
 
 
 class _Result(NamedTuple):
@@ -219,12 +229,13 @@ def _moments(result: _Result, recording: Recording | None, most: int = 3) -> lis
     known &= layout.independent
     moving, slips = np.hypot(v[..., 0], v[..., 1]), slipping & np.isfinite(v[..., 0])
     speed = np.where(known & slipping, moving, 0.0).sum(axis=1)
-    fast = speed >= _SHARE * np.quantile(moving[slips], _FAST) if slips.any() else several  # a slip may begin at rest
+    least = _DRAWN.share * np.quantile(moving[slips], _DRAWN.fast) if slips.any() else 0.0
+    fast = speed >= least if slips.any() else several  # a slip may begin at rest
     count = np.where(several & fast, (known & slipping).sum(axis=1), 0)
     if not count.max(initial=0):
         return []
     parts = filter(len, np.array_split(np.flatnonzero(count == count.max()), most))
-    chosen = [int(part[np.argsort(speed[part])[int(np.ceil(_FAST * (len(part) - 1)))]]) for part in parts]
+    chosen = [int(part[np.argsort(speed[part])[int(np.ceil(_DRAWN.fast * (len(part) - 1)))]]) for part in parts]
     pressure = {} if recording is None else pressure_at(result.ran, recording, t_s[chosen].tolist())
     twists = read_motions(result.directory)
     moments = []

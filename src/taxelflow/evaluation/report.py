@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -25,10 +26,18 @@ if TYPE_CHECKING:
     from taxelflow.messages import Event
     from taxelflow.publish.summary import Summary
 
-_MOST_BYTES = 3.4e6
-"""Text of all trajectories together; the rest of the page takes some hundred kB."""
-_MOST_EVENTS = 500
-"""Events in the table; how many more there are is stated."""
+
+@dataclass(frozen=True, slots=True)
+class _Page:
+    """The size of a page."""
+
+    bytes: float = 3.4e6
+    """Text of all trajectories together; the rest of the page takes some hundred kB."""
+    events: int = 500
+    """Events in the table; how many more there are is stated."""
+
+
+_PAGE = _Page()
 _COLOURS = (BLUE, VERMILION, GREEN, MAGENTA, "#8a6d00", "#56b4e9")
 """Okabe and Ito's, in the order of results; a method keeps the colour of its pictures if no other result has it."""
 
@@ -47,7 +56,7 @@ def make_report(directories: Sequence[Path], out: Path) -> int:
     recordings: dict[tuple[str, str], list[Shown]] = {}
     for result in results:
         recordings.setdefault((result.ran.input, result.ran.sensor), []).append(result)
-    sections = [_section(group, _MOST_BYTES / len(results)) for group in recordings.values()]
+    sections = [_section(group, _PAGE.bytes / len(results)) for group in recordings.values()]
     names = [_name(group[0].ran) for group in recordings.values()]
     title = names[0] if len(names) == 1 else f"{len(names)} recordings"
     made_by = f"taxelflow {version('taxelflow')}: {len(results)} result{'s' if len(results) > 1 else ''}"
@@ -107,11 +116,11 @@ def _section(results: list[Shown], most_bytes: float) -> Section:
         charts=charts,
         pads=_pads(results, pads),
         health=health.sheet,
-        events=_events(events[:_MOST_EVENTS], ran.t_first_s),
+        events=_events(events[: _PAGE.events], ran.t_first_s),
         parameters=_parameters(results),
         notes=_notes(results),
         findings=health.findings,
-        events_left_out=max(len(events) - _MOST_EVENTS, 0),
+        events_left_out=max(len(events) - _PAGE.events, 0),
     )
 
 

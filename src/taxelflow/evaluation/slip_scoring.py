@@ -43,8 +43,17 @@ OBJECTS = {
 """The first three have a structure that pins them down, the last two are domes."""
 NOISE = "white noise"
 MODES: tuple[Mode, ...] = ("stream", "batch")
-_NOISE_STD_M, _NOISE_STD_RAD = 2e-5, 1e-3
-"""Standard deviations of the poses of white noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class _NoiseStd:
+    """Standard deviations of the poses of white noise."""
+
+    m: float = 2e-5
+    rad: float = 1e-3
+
+
+_NOISE_STD = _NoiseStd()
 _EARLY = {"stream": 0, "batch": 2}
 """Scans by which a slip may be dated too early and is still that slip."""
 
@@ -192,7 +201,7 @@ def _judge_motion(stop: Event, way: Floats, lasts_s: float, tally: Tally) -> Non
 def _noise(seed: int, hours: float, monitor: SlipMonitor) -> Tally:
     """Poses of a still object in white noise at 100 Hz, with the covariance that they have."""
     random, rate_hz = np.random.default_rng(seed), 100.0
-    session, std = monitor.begin((NOISE,)), np.array([_NOISE_STD_M, _NOISE_STD_M, _NOISE_STD_RAD])
+    session, std = monitor.begin((NOISE,)), np.array([_NOISE_STD.m, _NOISE_STD.m, _NOISE_STD.rad])
     before, alarms = np.full(3, np.nan), 0
     scans = round(hours * 3600 * rate_hz)
     for start in range(0, scans, 100_000):

@@ -38,11 +38,19 @@ PAPER_METHODS = ("lnorm", "convolution")
 OUR_METHODS = ("template",)
 """Scored beside the paper's where they are registered."""
 
-SPEEDS_MM_S = (25, 50)
-"""Of the paper's Table I."""
+
+@dataclass(frozen=True, slots=True)
+class _Table1:
+    """Strokes of the paper's Table I."""
+
+    speeds_mm_s: tuple[int, int] = (25, 50)
+    """Their speeds."""
+    interior_m: float = 0.022
+    """Further out, a contact of this size leaves the 70 mm of the palm."""
+
+
+TABLE1 = _Table1()
 SETS = ("all", "interior")
-_INTERIOR_M = 0.022
-"""Further out, a contact of this size leaves the 70 mm of the palm."""
 
 
 class Row(msgspec.Struct, frozen=True):
@@ -110,8 +118,8 @@ def run_trials(
     first = {"fit": seed, 25: seed + trials, 50: seed + 2 * trials}  # no trial is used twice
     seen: Seen = {}
     for number in watched(range(3 * trials), "trials"):
-        which: str | int = ("fit", *SPEEDS_MM_S)[number // trials]
-        speed = which if isinstance(which, int) else SPEEDS_MM_S[0]
+        which: str | int = ("fit", *TABLE1.speeds_mm_s)[number // trials]
+        speed = which if isinstance(which, int) else TABLE1.speeds_mm_s[0]
         scenario = trial(first[which] + number % trials, speed, solver)
         for method, found in measure(scenario).items():
             seen.setdefault((which, method), []).extend(found)
@@ -201,7 +209,7 @@ def _deviation(t_s: Floats, weight: Floats) -> float:
 
 def interior(truth: Truth) -> Bools:
     """(scans,): the object is near the palm's centre, and was in the scan before: Method II spans two scans."""
-    inner = np.abs(truth.pose[:, 0]) <= _INTERIOR_M
+    inner = np.abs(truth.pose[:, 0]) <= TABLE1.interior_m
     return np.asarray(inner & np.concatenate([[False], inner[:-1]]), dtype=np.bool_)
 
 
@@ -241,10 +249,10 @@ def rms_of(errors: Sequence[Floats]) -> tuple[float, float | None]:
 def rows_of(seen: Seen, methods: Sequence[str]) -> list[Row]:
     """Every method's rows: by speed, set of scans, and uncalibrated or with the factor fitted at 25 mm/s."""
     rows = []
-    for speed in SPEEDS_MM_S:
+    for speed in TABLE1.speeds_mm_s:
         for method in methods:
             for scans in SETS:
-                fitted = _factor(_velocities(seen["fit", method], scans), SPEEDS_MM_S[0])
+                fitted = _factor(_velocities(seen["fit", method], scans), TABLE1.speeds_mm_s[0])
                 measured = seen[speed, method]
                 rows += [_row(speed, method, scans, factor, measured) for factor in ((1.0, 0.0), fitted)]
     return rows

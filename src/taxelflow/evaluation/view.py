@@ -22,11 +22,20 @@ if TYPE_CHECKING:
     from taxelflow.messages import Output
     from taxelflow.publish.view.server import PageServer
 
-_BROWSER_S = 3.0
-"""The estimate of a recording waits so long at most for a browser: compiling kernels would delay the first picture."""
-_DRAWS_S = 1.0
-"""A browser that has loaded the page draws the first picture in this time, also where it draws without a GPU. It needs
-a core and a half for that, more than a small computer has beside the estimate."""
+
+@dataclass(frozen=True, slots=True)
+class _First:
+    """The first picture."""
+
+    browser_s: float = 3.0
+    """The estimate of a recording waits so long at most for a browser: compiling kernels would delay the first
+    picture."""
+    draws_s: float = 1.0
+    """A browser that has loaded the page draws the first picture in this time, also where it draws without a GPU. It
+    needs a core and a half for that, more than a small computer has beside the estimate."""
+
+
+_FIRST = _First()
 
 _log = logging.getLogger("taxelflow")
 
@@ -156,8 +165,8 @@ class Playing:
         try:
             self._fillings[0].see()
             seen()
-            if self.page.wait_for_browser(_BROWSER_S):
-                self._stop.wait(_DRAWS_S)
+            if self.page.wait_for_browser(_FIRST.browser_s):
+                self._stop.wait(_FIRST.draws_s)
             self._estimate()
         except Exception as error:  # raised by the thread that waits
             self.error = error

@@ -36,8 +36,16 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
     from taxelflow.sensors.sensor import Sensor
 
-_WIDTH, _HEIGHT = 1600, 900
-"""Pixels of the browser's window."""
+
+@dataclass(frozen=True, slots=True)
+class _Window:
+    """The browser's window, pixels."""
+
+    width: int = 1600
+    height: int = 900
+
+
+_WINDOW = _Window()
 _SENSOR, _PAD = "inspire-rh56dftp@3.0mm", "palm"
 _SCENARIO = SCENARIOS["stroke"]
 _SETTLE_S = 5.0
@@ -125,7 +133,10 @@ class ViewBench:
 
     def run(self, watched: Watch = unwatched) -> ViewReport:
         """Measure. Raises BrowserMissing, BrowserFailed, ExtraMissing."""
-        with TemporaryDirectory() as folder, headless("about:blank", _WIDTH, _HEIGHT, DEBUGGED) as browser:
+        with (
+            TemporaryDirectory() as folder,
+            headless("about:blank", _WINDOW.width, _WINDOW.height, DEBUGGED) as browser,
+        ):
             tab = Tab(browser)
             try:
                 start = next(iter(watched([_start(tab, Path(folder))], "starts")))
@@ -180,7 +191,7 @@ def _show(tab: Tab, seconds: float, rate_hz: float) -> ShowRow:
         feeding.start()
         showing.start()
         tab.open(page.url)
-        drawn_by(page, _WIDTH - PANEL.wide)
+        drawn_by(page, _WINDOW.width - PANEL.wide)
         time.sleep(_SETTLE_S)
         tab.count_pictures()
         cpu_s, began, draws = time.process_time(), time.monotonic(), page.draws

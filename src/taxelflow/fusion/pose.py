@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from taxelflow.fusion.hand_frame import Carried
-from taxelflow.fusion.misfit import LEAST_FREEDOM, MEMORY
+from taxelflow.fusion.misfit import MISFIT
 from taxelflow.fusion.twist import (
     Equations,
     Row,
@@ -34,7 +35,7 @@ class _Robust(NamedTuple):
     """Gauss-Newton steps at most."""
     plain: int = 3
     """First steps without robust weights: there a residual may be the motion since the last scan."""
-    far: float = 11.34
+    far: float = round(float(chdtri(3.0, 0.01)), 2)
     """Chi-square above which a contact weighs less (Huber): the 99 % point of three degrees of freedom."""
     student: float = 4.0
     """Degrees of freedom of the Student t weights, with which a wrong contact hardly affects the misfit."""
@@ -223,7 +224,7 @@ def weight_of(chi2: float, usual: float) -> float:
 @inlined
 def usual_misfit(body: Body) -> float:
     """Reduced chi-square of the last scans, at least 1."""
-    return max(1.0, body.misfit / body.freedom) if body.freedom > LEAST_FREEDOM else 1.0
+    return max(1.0, body.misfit / body.freedom) if body.freedom > MISFIT.least_freedom else 1.0
 
 
 @routine
@@ -241,8 +242,8 @@ def judge_misfit(
             freedom += weight * measured
     freedom -= 3 if observable else 2
     if freedom > 0.0:
-        body.misfit = MEMORY * body.misfit + misfit
-        body.freedom = MEMORY * body.freedom + freedom
+        body.misfit = MISFIT.memory * body.misfit + misfit
+        body.freedom = MISFIT.memory * body.freedom + freedom
 
 
 @routine

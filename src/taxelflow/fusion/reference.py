@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.fusion.observability import BLIND, BLIND_M_S
+from taxelflow.fusion.observability import BLIND
 from taxelflow.numerics.rounding import BLIND_M
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.compiling import kernel
@@ -14,7 +14,7 @@ from taxelflow.runtime.compiling import kernel
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips, Texture
 
-UNOBSERVABLE_M, UNOBSERVABLE_M_S = BLIND * BLIND_M, BLIND * BLIND_M_S
+UNOBSERVABLE_M, UNOBSERVABLE_M_S = BLIND.far * BLIND_M, BLIND.far * BLIND.m_s
 """Standard deviations of position and velocity in a direction that a contact's pattern does not show, m and m/s: as
 large as those of a direction that is not observable in space."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,15 +14,24 @@ if TYPE_CHECKING:
 
 CELL_ERROR = 0.2
 """Standard deviation of a reading as a share of it: that of a gain anywhere from two to four thirds."""
-LOADED_SIGMAS = 4.0
-"""A taxel is loaded if its reading exceeds this many standard deviations of its noise. It belongs to a contact ..."""
-_LOADED_SHARE = 0.05
-"""... if it also exceeds this share of the largest."""
-SKIRT_SHARE = 0.03
-"""Share of the largest reading below which a taxel may be unloaded: cross-talk and offsets reach that far."""
 
-_RIM = 1.1
-"""Pitches around these readings within which others may belong to it, too: those next to them."""
+
+class _Loaded(NamedTuple):
+    """Which taxels belong to a contact."""
+
+    sigmas: float = 4.0
+    """A taxel is loaded if its reading exceeds this many standard deviations of its noise. It belongs to a contact
+    ..."""
+    share: float = 0.05
+    """... if it also exceeds this share of the largest."""
+    skirt: float = 0.03
+    """Share of the largest reading below which a taxel may be unloaded: cross-talk and offsets reach that far."""
+    rim: float = 1.1
+    """Pitches around these readings within which others may belong to it, too: those next to them."""
+
+
+LOADED = _Loaded()
+
 _CELL = 1.0 / 12.0
 """Variance of a place anywhere in a cell of unit width."""
 
@@ -30,7 +39,7 @@ _CELL = 1.0 / 12.0
 @inlined
 def _belongs(reading: float, variance: float, peak: float) -> bool:
     """Whether a reading surely belongs to the contact with this largest reading."""
-    return reading > _LOADED_SHARE * peak and reading * reading > LOADED_SIGMAS**2 * variance > 0.0
+    return reading > LOADED.share * peak and reading * reading > LOADED.sigmas**2 * variance > 0.0
 
 
 @kernel
@@ -73,7 +82,7 @@ def pressure_centre(reading: Floats, variance: Floats, places: Floats, edge: Boo
         if _belongs(reading[i], variance[i], peak):
             x, y = places[0, i] - out[0], places[1, i] - out[1]
             furthest = max(furthest, x * x + y * y)
-    reach = np.sqrt(furthest) + _RIM
+    reach = np.sqrt(furthest) + LOADED.rim
     total = sx = sy = border = 0.0
     for i in range(len(reading)):
         x, y, p = places[0, i] - out[0], places[1, i] - out[1], reading[i]

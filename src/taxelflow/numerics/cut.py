@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.near_pairs import near_pairs
-from taxelflow.numerics.rounding import NEIGHBOUR, SECOND_RING, SECOND_SLOPE
+from taxelflow.numerics.rounding import REACH
 from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ def open_sides(places: Floats) -> Floats:
 
     places: (2, taxels), in pitches.
     """
-    first, _, apart = near_pairs(places, SECOND_RING)
-    slope, sides = np.where(np.hypot(*apart) < NEIGHBOUR, 1.0, SECOND_SLOPE), np.ones((4, places.shape[1]))
+    first, _, apart = near_pairs(places, REACH.second_ring)
+    slope, sides = np.where(np.hypot(*apart) < REACH.neighbour, 1.0, REACH.second_slope), np.ones((4, places.shape[1]))
     for side, (axis, sign) in enumerate([(0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)]):
         on, beside = sign * apart[axis], np.abs(apart[1 - axis])
         sides[side, first[(on > IN_LINE) & (slope * on > beside - 1e-9)]] = 0.0

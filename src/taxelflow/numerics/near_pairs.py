@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
+from taxelflow.numerics.rounding import ROUNDING
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.messages import Floats
-
-_ROUNDING = 1e-9
-"""Of distances, as a share: the tree measures them in another way, so that it looks a little farther."""
 
 
 def near_pairs(places: Floats, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
@@ -21,7 +20,8 @@ def near_pairs(places: Floats, reach: float) -> tuple[NDArray[np.int64], NDArray
 
     places: (2, n). Each pair comes both ways, and each place with itself.
     """
-    pairs = cKDTree(places.T).query_pairs(reach * (1.0 + _ROUNDING), output_type="ndarray")
+    farther = reach * (1.0 + ROUNDING)  # the tree rounds distances in another way
+    pairs = cKDTree(places.T).query_pairs(farther, output_type="ndarray")
     own = np.arange(places.shape[1])
     first, second = np.concatenate([pairs[:, 0], pairs[:, 1], own]), np.concatenate([pairs[:, 1], pairs[:, 0], own])
     way = places[:, second] - places[:, first]

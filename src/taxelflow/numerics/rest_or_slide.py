@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.centroid import SKIRT_SHARE
+from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.robust import CLEARLY
 from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.slid import SAME, UNKNOWNS, Pair, Skin, room_for, slide
@@ -64,7 +64,7 @@ def compare(skin: Skin, before: Floats, after: Floats, noise: float, moved: Floa
     pitches and rad, where the fit of the slide begins, beside the place before. sinks: whether a slide may sink.
     """
     largest = max(float(before.max()), float(after.max()))
-    least = max(SKIRT_SHARE * largest, SIGNIFICANT * noise)
+    least = max(LOADED.skirt * largest, SIGNIFICANT * noise)
     loaded = np.flatnonzero((before > least) | (after > least))
     if not len(loaded):
         return Unexplained(0.0, 0.0, 0.0)
@@ -97,11 +97,11 @@ def _compare(
 
 def covers(before: Floats, after: Floats) -> bool:
     """Whether all taxels (taxels,) are loaded in both patterns: none is at the end of the contact."""
-    return bool(np.minimum(before, after).min() > SKIRT_SHARE * max(before.max(), after.max()))
+    return bool(np.minimum(before, after).min() > LOADED.skirt * max(before.max(), after.max()))
 
 
 def comparable(before: Floats, after: Floats) -> bool:
     """Whether half of the load of a pattern (taxels,) is on taxels that were loaded in the one before."""
-    load, was = np.maximum(after, 0.0), before > SKIRT_SHARE * before.max()
+    load, was = np.maximum(after, 0.0), before > LOADED.skirt * before.max()
     total = float(load.sum())
     return total > 0.0 and float(load[was].sum()) >= SAME * total

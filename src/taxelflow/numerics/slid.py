@@ -21,10 +21,18 @@ SAME = 0.5
 """Share of a pattern that must be known from the one before, for both to be compared."""
 _HALF = 0.6
 """Pitches to which a taxel reads around its centre, with a tenth to spare."""
-_ENOUGH = 1e-3
-"""Share of the squares that a step must change to be followed by another."""
-_DAMPING = 1e-3
-"""Of the first step, relative to its information."""
+
+
+class _Step(NamedTuple):
+    """Steps of the fit of a slide."""
+
+    enough: float = 1e-3
+    """Share of the squares that a step must change to be followed by another."""
+    damping: float = 1e-3
+    """Of the first step, relative to its information."""
+
+
+_STEP = _Step()
 _TINY = float(np.finfo(float).tiny)
 
 
@@ -84,7 +92,7 @@ def room_for(count: int) -> Fit:
 @routine
 def slide(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
     """Squares that the best slide leaves, from a state (x, y, angle) about the centre, with what it explains in fit."""
-    damping, trial, other = _DAMPING, np.empty(3), room_for(len(pair.chosen))
+    damping, trial, other = _STEP.damping, np.empty(3), room_for(len(pair.chosen))
     information, step = np.empty((3, 3)), np.empty(3)
     left = _linearise(skin, pair, state, fit)
     for _ in range(ROUNDS if left < np.inf else 0):
@@ -103,7 +111,7 @@ def slide(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
             damping /= 50.0
             left = found
             _copy(trial, other, state, fit)
-        if abs(gained) < _ENOUGH * left:
+        if abs(gained) < _STEP.enough * left:
             break
     return left
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from rich.box import SIMPLE_HEAD
@@ -12,10 +13,18 @@ from rich.text import Text
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
 
-_WIDEST = 1_000_000
-"""Characters of a line at most: more than any table has."""
-_WORD = 24
-"""Characters of a word in a column of text that are kept together."""
+
+@dataclass(frozen=True, slots=True)
+class _Text:
+    """Width of what is printed, in characters."""
+
+    line: int = 1_000_000
+    """Characters of a line at most: more than any table has."""
+    word: int = 24
+    """Characters of a word in a column of text that are kept together."""
+
+
+_TEXT = _Text()
 
 
 class _Whole(Table):
@@ -25,7 +34,7 @@ class _Whole(Table):
     """
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        wide = options.update(max_width=_WIDEST)
+        wide = options.update(max_width=_TEXT.line)
         excess = Measurement.get(console, wide, self).maximum - options.max_width
         if excess > 0:
             excess = self._narrow(console, wide, excess)
@@ -36,14 +45,14 @@ class _Whole(Table):
 
     def _narrow(self, console: Console, options: ConsoleOptions, excess: int) -> int:
         """Narrow the widest columns by an excess of characters, none below its longest number or word (of text:
-        `_WORD`); the excess that is left.
+        `_TEXT.word`); the excess that is left.
         """
         widths, least = [], []
         for column in self.columns:
             spans = [Measurement.get(console, options, cell) for cell in (column.header, *column.cells)]
             widths.append(max(span.maximum for span in spans))
             word = max(span.minimum for span in spans)
-            least.append(widths[-1] if column.no_wrap else min(word, _WORD) if column.justify == "left" else word)
+            least.append(widths[-1] if column.no_wrap else min(word, _TEXT.word) if column.justify == "left" else word)
         while excess and widths != least:
             widest = max((width, number) for number, width in enumerate(widths) if width > least[number])[1]
             widths[widest] -= 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING
 
@@ -28,10 +29,19 @@ COLUMNS = (
     *(f"cov_twist_{_AXES[i]}_{_AXES[j]}" for i, j in _PAIRS),
     *(f"cov_pose_{_AXES[i]}_{_AXES[j]}" for i, j in _PAIRS),
 )
-_PURE = 0.02
-"""Translation or advance, in m per rad, below which a motion is called a rotation about an axis."""
-_FAR_M = 2.0
-"""Distance of an axis beyond which a rotation is called a translation."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """What a motion is called."""
+
+    pure: float = 0.02
+    """Translation or advance, in m per rad, below which a motion is called a rotation about an axis."""
+    far_m: float = 2.0
+    """Distance of an axis beyond which a rotation is called a translation."""
+
+
+_KIND = _Kind()
 
 
 def spatial_values(motions: SpatialMotions, pads: tuple[str, ...]) -> Iterable[list[float | int | str]]:
@@ -90,11 +100,11 @@ def _turn(motion: Floats) -> str:
     rate = float(np.linalg.norm(omega))
     point = np.cross(omega, v) / rate**2
     advance = float(v @ omega) / rate**2
-    if np.linalg.norm(point) > _FAR_M:
+    if np.linalg.norm(point) > _KIND.far_m:
         return _translation(v)
     at = ", ".join(str(round(1e3 * float(number))) for number in point)
     words = f"turn about ({_direction(omega)}) through ({at}) mm"
-    return words if abs(advance) < _PURE else f"{words}, advancing {round(1e3 * advance)} mm/rad"
+    return words if abs(advance) < _KIND.pure else f"{words}, advancing {round(1e3 * advance)} mm/rad"
 
 
 def _direction(vector: Floats) -> str:

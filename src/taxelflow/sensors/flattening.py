@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.numerics.rounding import NEIGHBOUR
+from taxelflow.numerics.rounding import REACH
 
 Floats = NDArray[np.float64]
 
@@ -138,5 +138,5 @@ def _stretch(xy: Floats, geodesic: Floats) -> float:
     """Largest relative error of a distance between neighbours."""
     distance = np.linalg.norm(xy[:, np.newaxis] - xy, axis=2)
     others = geodesic + np.diag(np.full(len(geodesic), np.inf))
-    near = others < NEIGHBOUR * np.median(others.min(axis=1))
+    near = others < REACH.neighbour * np.median(others.min(axis=1))
     return float(np.max(np.abs(distance[near] / geodesic[near] - 1.0), initial=0.0))

@@ -28,8 +28,6 @@ _DROPPED = {
     "contact", "tendon", "light", "camera", "site", "keyframe", "custom", "extension", "fluid", "deformable", "mujoco",
 }  # fmt: skip
 """Elements of URDF and MJCF that do not move a link; `mujoco` inside a URDF holds compiler options for meshes."""
-_SLIDES, _TURNS = 2, 3
-"""MuJoCo's types of joints with one coordinate."""
 
 
 class Kinematics:
@@ -64,7 +62,8 @@ class Kinematics:
         self._address = [int(address[joint]) for joint in self._free]
         self._followers = [(int(address[one]), int(address[other]), terms) for one, other, terms in self._coupled]
         self.joints = tuple(self._joint_name(joint) for joint in self._free)
-        self.units = tuple("m" if self._model.jnt_type[joint] == _SLIDES else "rad" for joint in self._free)
+        slide = int(mujoco.mjtJoint.mjJNT_SLIDE)
+        self.units = tuple("m" if self._model.jnt_type[joint] == slide else "rad" for joint in self._free)
         limited = self._model.jnt_limited[self._free].astype(np.bool_)[:, np.newaxis]
         self.ranges: Floats = np.where(limited, self._model.jnt_range[self._free], [[-np.inf, np.inf]])
 
@@ -182,7 +181,8 @@ class Kinematics:
         ]
 
     def _check_types(self) -> None:
-        wrong = [joint for joint in self._free if self._model.jnt_type[joint] not in (_SLIDES, _TURNS)]
+        known = {int(self._mujoco.mjtJoint.mjJNT_SLIDE), int(self._mujoco.mjtJoint.mjJNT_HINGE)}
+        wrong = [joint for joint in self._free if self._model.jnt_type[joint] not in known]
         if wrong:
             seen = f"joint {self._joint_name(wrong[0])!r} has more than one coordinate"
             raise HandModelInvalid(self._source, seen, "use hinges and slides; leave out a floating base")

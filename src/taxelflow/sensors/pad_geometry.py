@@ -24,10 +24,18 @@ if TYPE_CHECKING:
 
 Indices = NDArray[np.int64]
 
-_LEAST_DISTANCE = 1e-3
-"""Of two taxels, as a share of the pad's extent: closer ones are a mistake in the table."""
-_LEAST_EXTENT_M = 1e-3
-"""Extent that is assumed of smaller pads for that check."""
+
+@dataclass(frozen=True, slots=True)
+class _Distinct:
+    """Taxels that are too close to be two."""
+
+    share: float = 1e-3
+    """Of two taxels, as a share of the pad's extent: closer ones are a mistake in the table."""
+    extent_m: float = 1e-3
+    """Extent that is assumed of smaller pads for that check."""
+
+
+_DISTINCT = _Distinct()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +96,7 @@ def _of_table(pad: Pad) -> PadGeometry:
         xy, stretch = flattened.xy, flattened.stretch
     if len(xy) == 1 and pad.pitch_m is None:
         raise ValueError("the pitch of a single taxel cannot be computed: give pitch_m = [x, y]")
-    if triangulation.closest_m(xy) < _LEAST_DISTANCE * max(float(np.ptp(xy, axis=0).max()), _LEAST_EXTENT_M):
+    if triangulation.closest_m(xy) < _DISTINCT.share * max(float(np.ptp(xy, axis=0).max()), _DISTINCT.extent_m):
         raise ValueError("two taxels are closer than a thousandth of the pad: correct their positions in the table")
     pitch = pad.pitch_m or (triangulation.spacing_m(xy),) * 2
     row, col, shape = triangulation.raster(xy)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import msgspec
@@ -11,22 +12,31 @@ MOST_TAXELS = 1 << 15
 """Taxels of a sensor: bounds the memory that a sensor file can ask for."""
 MOST_NUMBERS = 1 << 20
 """Numbers in a scan of the source, and entries of a layout (taxels of pads, groups and contacts)."""
-MOST_CELLS = 1024
-"""Rows or columns of a pad."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Most:
+    """Limits of what a sensor file declares."""
+
+    cells: int = 1024
+    """Rows or columns of a pad."""
+    pads: int = 1024
+    """Pads of a sensor, groups of a sensor, and patches of a group."""
+    contacts: int = 8
+    """Separate contacts of a pad: each is one more copy of its taxels in every scan."""
+
+
+MOST = _Most()
 LARGEST = 1e6
 """A length, angle or number of a file is nearer to 0."""
-MOST_PADS = 1024
-"""Pads of a sensor, groups of a sensor, and patches of a group."""
-MOST_CONTACTS = 8
-"""Separate contacts of a pad: each is one more copy of its taxels in every scan."""
 
 Name = Annotated[str, Meta(min_length=1, max_length=80, pattern=r"^[^,\"\r\n]+$")]
-Count = Annotated[int, Meta(ge=0, le=MOST_CELLS)]
+Count = Annotated[int, Meta(ge=0, le=MOST.cells)]
 Positive = Annotated[float, Meta(gt=0, lt=1e12)]
 Index = Annotated[int, Meta(ge=0, lt=MOST_NUMBERS)]
 Channels = Annotated[int, Meta(ge=1, le=MOST_NUMBERS)]
 Number = Annotated[float, Meta(gt=-LARGEST, lt=LARGEST)]
-Contacts = Annotated[int, Meta(ge=1, le=MOST_CONTACTS)]
+Contacts = Annotated[int, Meta(ge=1, le=MOST.contacts)]
 
 Corner = Literal["top-left", "top-right", "bottom-left", "bottom-right"]
 
@@ -111,4 +121,4 @@ class Group(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash=
     """
 
     name: Name
-    patches: Annotated[tuple[Patch, ...], Meta(min_length=1, max_length=MOST_PADS)]
+    patches: Annotated[tuple[Patch, ...], Meta(min_length=1, max_length=MOST.pads)]

@@ -17,7 +17,7 @@ from taxelflow.sensors.frame import Frame
 from taxelflow.sensors.hand import Hand, check_hand, with_model
 from taxelflow.sensors.layout import Layout, layout_of
 from taxelflow.sensors.names import check_names
-from taxelflow.sensors.pads import MOST_CONTACTS, MOST_PADS, Channels, Group, Name, Number, Pad, Positive
+from taxelflow.sensors.pads import MOST, Channels, Group, Name, Number, Pad, Positive
 from taxelflow.sensors.schema import schema_error
 from taxelflow.sensors.taxel_table import with_table
 from taxelflow.sensors.toml_text import parse_toml, read_limited
@@ -37,12 +37,12 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, cache_hash
     name: Name
     unit: Literal["Pa", "kPa", "MPa", "psi", "N/cm2", "N", "count"]
     """Unit of a reading. N: force on a taxel, whose area makes it a pressure."""
-    pads: Annotated[tuple[Pad, ...], Meta(min_length=1, max_length=MOST_PADS)]
+    pads: Annotated[tuple[Pad, ...], Meta(min_length=1, max_length=MOST.pads)]
     scale_pa: Positive | None = None
     """Pa per count, for unit `count`, if known."""
     full_scale: Positive | None = None
     """Reading at gain 1 at which a taxel saturates, in `unit`, if known."""
-    groups: Annotated[tuple[Group, ...], Meta(max_length=MOST_PADS)] = ()
+    groups: Annotated[tuple[Group, ...], Meta(max_length=MOST.pads)] = ()
     delay_s: tuple[Delay, ...] = ()
     """Time from the scan's time stamp to the reading of each taxel, s, in the order of the layout; 0 if left out."""
     gain: tuple[Positive, ...] = ()
@@ -148,8 +148,8 @@ def with_contacts(sensor: Sensor, asked: int | str | Mapping[str, int]) -> Senso
     for name, count in counts.items():
         if name not in names:
             raise NameUnknown("pad", name, names)
-        if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_CONTACTS:
-            raise ParameterInvalid("contacts", count, f"be a whole number from 1 to {MOST_CONTACTS}")
+        if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST.contacts:
+            raise ParameterInvalid("contacts", count, f"be a whole number from 1 to {MOST.contacts}")
     pads = tuple(msgspec.structs.replace(pad, contacts=counts.get(pad.name, pad.contacts)) for pad in sensor.pads)
     taken = {*names, *(group.name for group in sensor.groups)} & {name for pad in pads for name in pad.contact_names}
     if taken:

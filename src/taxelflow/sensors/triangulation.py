@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from taxelflow.numerics.rounding import NEIGHBOUR, SECOND_RING, SECOND_SLOPE
+from taxelflow.numerics.rounding import REACH
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_ADJACENT = 1.4
-"""Largest distance in spacings of an adjacent taxel: below the diagonal of a square grid (1.41)."""
+
+@dataclass(frozen=True, slots=True)
+class _Spacings:
+    """Distances of taxels, in spacings."""
+
+    adjacent: float = 1.4
+    """Largest distance in spacings of an adjacent taxel: below the diagonal of a square grid (1.41)."""
+    cell: float = 0.999
+    """Cell of the raster over the largest one in which no two taxels can be."""
+
+
+_SPACINGS = _Spacings()
 _CONE = np.cos(np.radians(46.0))
 """Cosine of the largest angle between an axis and the direction to an adjacent taxel: every direction has one."""
-_NARROW = np.cos(np.arctan(SECOND_SLOPE))
+_NARROW = np.cos(np.arctan(REACH.second_slope))
 """Likewise for one of the second ring."""
-_CELL = 0.999
-"""Cell of the raster over the largest one in which no two taxels can be."""
 
 
 def spacing_m(xy: Floats) -> float:
@@ -49,7 +58,9 @@ def neighbours(xy: Floats, spacing: float) -> Indices:
     """
     from scipy.spatial import Delaunay, QhullError, cKDTree
 
-    close: Indices = cKDTree(xy).query_pairs(NEIGHBOUR * spacing, output_type="ndarray").reshape(-1, 2).astype(np.int64)
+    close: Indices = (
+        cKDTree(xy).query_pairs(REACH.neighbour * spacing, output_type="ndarray").reshape(-1, 2).astype(np.int64)
+    )
     if len(xy) < 4:
         return close
     try:
@@ -58,7 +69,7 @@ def neighbours(xy: Floats, spacing: float) -> Indices:
         return close
     edges = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [0, 2]]]), axis=1)
     edges = np.unique(edges, axis=0).astype(np.int64)
-    short: Indices = edges[np.linalg.norm(xy[edges[:, 0]] - xy[edges[:, 1]], axis=1) < NEIGHBOUR * spacing]
+    short: Indices = edges[np.linalg.norm(xy[edges[:, 0]] - xy[edges[:, 1]], axis=1) < REACH.neighbour * spacing]
     return short
 
 
@@ -71,14 +82,14 @@ def adjacent(xy: Floats, spacing: float) -> Indices:
     """
     from scipy.spatial import cKDTree
 
-    pairs = cKDTree(xy).query_pairs(SECOND_RING * spacing, output_type="ndarray").reshape(-1, 2)
+    pairs = cKDTree(xy).query_pairs(REACH.second_ring * spacing, output_type="ndarray").reshape(-1, 2)
     both = np.concatenate([pairs, pairs[:, ::-1]])
     vector = xy[both[:, 1]] - xy[both[:, 0]]
     distance = np.linalg.norm(vector, axis=1)
     far_first = np.argsort(-distance, kind="stable")  # nearer ones overwrite farther ones below
     both, vector, distance = both[far_first], vector[far_first], distance[far_first]
     found = np.full((len(xy), 2, 2), -1)
-    cone = np.where(distance < _ADJACENT * spacing, _CONE, _NARROW) * distance
+    cone = np.where(distance < _SPACINGS.adjacent * spacing, _CONE, _NARROW) * distance
     for axis in range(2):
         for side, sign in enumerate((-1.0, 1.0)):
             inside = sign * vector[:, axis] >= cone
@@ -88,7 +99,7 @@ def adjacent(xy: Floats, spacing: float) -> Indices:
 
 def raster_cell_m(xy: Floats) -> float:
     """Side of a cell of `raster`: its diagonal is just shorter than the smallest distance of two taxels."""
-    return _CELL * closest_m(xy) / sqrt(2.0)
+    return _SPACINGS.cell * closest_m(xy) / sqrt(2.0)
 
 
 def raster(xy: Floats) -> tuple[Indices, Indices, tuple[int, int]]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from taxelflow.errors import SensorFileInvalid
 from taxelflow.sensors.flattening import MOST_CURVED
 from taxelflow.sensors.pad_geometry import geometry_of, patch_taxels
-from taxelflow.sensors.pads import MOST_NUMBERS, MOST_PADS, MOST_TAXELS
+from taxelflow.sensors.pads import MOST, MOST_NUMBERS, MOST_TAXELS
 from taxelflow.sensors.schema import ROWS, SCHEMA
 from taxelflow.sensors.triangulation import spacing_m
 
@@ -67,9 +67,9 @@ def check_sizes(pads: Sequence[Pad], groups: Sequence[Group], source: str) -> No
     patches = [patch for group in groups for patch in group.patches]
     entries = sum(max(0, pad.count) * (1 + len(pad.contact_names)) for pad in pads)
     entries += sum(_largest(patch, by_name.get(patch.pad)) for patch in patches)
-    if entries > MOST_NUMBERS or len(patches) > 4 * MOST_PADS:
+    if entries > MOST_NUMBERS or len(patches) > 4 * MOST.pads:
         seen = f"{entries} taxels of pads, groups and contacts in {len(patches)} patches"
-        remedy = f"a layout has at most {MOST_NUMBERS} of them and {4 * MOST_PADS} patches: declare fewer groups"
+        remedy = f"a layout has at most {MOST_NUMBERS} of them and {4 * MOST.pads} patches: declare fewer groups"
         raise SensorFileInvalid(source, "tables [[groups]]", seen, remedy)
 
 

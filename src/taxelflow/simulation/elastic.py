@@ -35,7 +35,7 @@ class _Grid:
     most: int = 1024
     """Points of the grid along each axis, a power of 2."""
     cells: int = 8
-    """Cells of the grid per pitch, and per radius of the object, where `_MOST` allows it."""
+    """Cells of the grid per pitch, and per radius of the object, where `most` allows it."""
     box: float = 4.0
     box_feet: float = 2.6
     """Side of the periodic box over the reach of the object, and of one on feet."""
@@ -45,9 +45,10 @@ class _Grid:
 
 _GRID = _Grid()
 
-_QUARTIC = 0.6525
-"""A punch of profile 0.6525 p0 r^4 / (E* a^3) touches up to r = a under the force of the airbag p0 exp(-(r/a)^4), and
-its pressure (1 + 2 r^2/a^2) sqrt(1 - r^2/a^2) peaks at 1.04 p0 (from Sneddon's solution, 1965)."""
+_QUARTIC = round(15.0 * np.pi**1.5 / 128.0, 4)
+"""A punch of profile C r^4 touches up to r = a under a force of 64/15 E* C a^5 (Sneddon, 1965), which is that of the
+airbag p0 exp(-(r/a)^4), pi^1.5/2 p0 a^2, if C = 0.6525 p0 / (E* a^3). Its pressure, (1 + 2 r^2/a^2) sqrt(1 - r^2/a^2),
+then peaks at 1.04 p0."""
 _CONVERGED = 100 * _GRID.tolerance
 """Relative error below which a solution is accepted."""
 

@@ -33,8 +33,17 @@ if TYPE_CHECKING:
 
 FINGERS = tuple(f"finger{number}_{part}" for number in (1, 2, 3) for part in ("tip", "mid"))
 """Pads that touch: the object moves along them, away from the palm."""
-_STEP_M, _STEP_RAD = 2e-4, 0.01
-"""Steps of the derivatives for the bound, to both sides."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """Steps of the derivatives for the bound, to both sides."""
+
+    m: float = 2e-4
+    rad: float = 0.01
+
+
+_STEP = _Step()
 _FINGERS_HZ = 1.3
 """Frequency at which the fingers sway."""
 
@@ -142,7 +151,7 @@ def grasp_bound(grasp: Grasp, grasped: Grasped, scans: list[int]) -> Floats:
                     - pressed_along(pressing, layout, pad, chosen, replace(path, shift=-step))
                 )
                 / (2 * np.abs(step).max())
-                for step in np.diag((_STEP_M, _STEP_M, _STEP_RAD))
+                for step in np.diag((_STEP.m, _STEP.m, _STEP.rad))
             ],
             axis=-1,
         )

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.bins import BIN_S
-from taxelflow.slip.pattern_change import BEFORE_BINS
+from taxelflow.slip.pattern_change import BINS
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
     from taxelflow.slip.odds import Odds
 
-_EARLY_S = (BEFORE_BINS + 1) * BIN_S
+_EARLY_S = (BINS.before + 1) * BIN_S
 """Time by which bins blur the begin of a slip."""
 
 

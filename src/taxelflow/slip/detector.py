@@ -13,7 +13,7 @@ from taxelflow.numerics.records import Records, Vector
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.slip.covariance import multiply, translation_variance
 from taxelflow.slip.ending import SlideState, start_slide, start_stopped, stop_odds
-from taxelflow.slip.jump import LOAD_JUMP, JumpState, jump_p_value, start_jump, store_rest, track_jump
+from taxelflow.slip.jump import LOAD, JumpState, jump_p_value, start_jump, store_rest, track_jump
 from taxelflow.slip.measurement import (
     Measurement,
     Observation,
@@ -170,7 +170,7 @@ def _update_load(scan: Observation, state: PadState) -> None:
         before, log_load = state.measurement.log_load, np.log(scan.load)
         rise = log_load - before if before != 0.0 else 0.0
         state.measurement.log_load = log_load
-        if abs(rise) > LOAD_JUMP:
+        if abs(rise) > LOAD.jump:
             if state.mode == RESTING and rise < 0.0:
                 start_jump(log_load, state.jump)
             state.partial = rise < 0.0 and (state.partial or state.mode != NEW)  # the peak of an impact is no contact

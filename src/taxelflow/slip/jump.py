@@ -10,16 +10,25 @@ Poses are absolute: a method that lost its map on the way knows no displacement.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from taxelflow.messages import LOST
 from taxelflow.runtime.compiling import routine
 from taxelflow.slip.measurement import Measurement, Observation, Parameters
 
-LOAD_JUMP = 0.7
-"""Change of the log load from one scan to the next that makes a new contact: a factor of 2."""
-_MAX_SETTLING_TIMES = 5.0
-"""Longest duration of a jump, in settling times of a contact: a hand needs longer to release, grasp and settle."""
+
+class _Load(NamedTuple):
+    """A load that jumps."""
+
+    jump: float = 0.7
+    """Change of the log load from one scan to the next that makes a new contact: a factor of 2."""
+    settling_times: float = 5.0
+    """Longest duration of a jump, in settling times of a contact: a hand needs longer to release, grasp and settle."""
+
+
+LOAD = _Load()
 
 
 class JumpState:
@@ -84,8 +93,8 @@ def jump_p_value(measurement: Measurement, parameters: Parameters, jump: JumpSta
     """
     if not jump.load_fell:
         return 1.0
-    late = measurement.t_s - jump.rest_s > _MAX_SETTLING_TIMES * parameters.settle_s
-    held = measurement.log_load - jump.min_log_load > LOAD_JUMP
+    late = measurement.t_s - jump.rest_s > LOAD.settling_times * parameters.settle_s
+    held = measurement.log_load - jump.min_log_load > LOAD.jump
     if late or held:
         jump.load_fell = False
     if late or not held:

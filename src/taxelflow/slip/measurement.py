@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -18,10 +18,28 @@ from taxelflow.slip.covariance import Covariance
 UNOBSERVABLE_RATIO = 100.0
 """An axis x or y is not observable if its standard deviation exceeds this multiple of the other's, and `BLIND_M`. The
 centroid of a line of taxels has no variance across the line, which is no evidence about motion along it."""
-_MEAN_WEIGHT, _MAX_VARIANCE_RATIO = 0.05, 4.0
-"""Weight of a pose in the mean variance at rest (about 20 poses), and the multiple of the mean at which it is cut."""
-MIN_STD_M, MIN_STD_RAD = 1e-6, 1e-5
-"""Lower limit of the standard deviation of a pose, below any sensor's; some methods report 0."""
+
+
+class _Mean(NamedTuple):
+    """The mean variance at rest."""
+
+    weight: float = 0.05
+    most_ratio: float = 4.0
+    """Weight of a pose in the mean variance at rest (about 20 poses), and the multiple of the mean at which it is
+    cut."""
+
+
+_MEAN = _Mean()
+
+
+class _LeastStd(NamedTuple):
+    """Lower limit of the standard deviation of a pose, below any sensor's; some methods report 0."""
+
+    m: float = 1e-6
+    rad: float = 1e-5
+
+
+LEAST_STD = _LeastStd()
 
 
 class Parameters:
@@ -178,7 +196,7 @@ def raise_to_mean(poses: int, mean_variance: Floats, covariance: Covariance) -> 
     """
     if poses == 1:
         mean_variance[:] = 0.0
-    weight = max(1.0 / poses, _MEAN_WEIGHT)
+    weight = max(1.0 / poses, _MEAN.weight)
     x = _raise_axis(covariance.variance, 0, weight, mean_variance)
     y = _raise_axis(covariance.variance, 1, weight, mean_variance)
     theta = _raise_axis(covariance.variance, 2, weight, mean_variance)
@@ -194,7 +212,7 @@ def _raise_axis(variance: Floats, axis: int, weight: float, mean: Floats) -> flo
     if np.isnan(own):
         return 1.0
     before = mean[axis] if mean[axis] > 0.0 else own
-    mean[axis] = before + weight * (min(own, _MAX_VARIANCE_RATIO * before) - before)
+    mean[axis] = before + weight * (min(own, _MEAN.most_ratio * before) - before)
     factor = np.sqrt(max(mean[axis] / own, 1.0))
     variance[axis] *= factor * factor
     return float(factor)
@@ -209,9 +227,9 @@ def _quality_factor(scan: Observation) -> float:
 @routine
 def _set_covariance(matrix: Floats, factor: float, covariance: Covariance) -> None:
     """Fill in `factor` times a (3, 3) covariance plus the smallest variance of a pose."""
-    covariance.variance[0] = factor * matrix[0, 0] + MIN_STD_M**2
-    covariance.variance[1] = factor * matrix[1, 1] + MIN_STD_M**2
-    covariance.variance[2] = factor * matrix[2, 2] + MIN_STD_RAD**2
+    covariance.variance[0] = factor * matrix[0, 0] + LEAST_STD.m**2
+    covariance.variance[1] = factor * matrix[1, 1] + LEAST_STD.m**2
+    covariance.variance[2] = factor * matrix[2, 2] + LEAST_STD.rad**2
     covariance.xy = factor * matrix[0, 1]
     covariance.xt = factor * matrix[0, 2]
     covariance.yt = factor * matrix[1, 2]

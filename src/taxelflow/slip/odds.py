@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import isnan, log
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from taxelflow.slip.evidence import (
     looked_back,
     updated,
 )
-from taxelflow.slip.pattern_change import BASELINE_BINS, BEFORE_BINS
+from taxelflow.slip.pattern_change import BINS
 from taxelflow.slip.pose_rest import PoseRest
 from taxelflow.slip.restless import RestlessPads
 from taxelflow.slip.shear_rest import ShearRest
@@ -32,13 +32,21 @@ if TYPE_CHECKING:
 
 AGAINST = log(SLIDE_S / REST_S)
 """Log odds of a slip below which its pattern speaks against it: those of an object of which nothing is known."""
-LIVE_AFTER_BINS, AFTER_BINS = 1, 2
-"""Bins after the judged one, of a stream and of a recording: a stream judges 0.1 s late."""
-LIVE_DELAY_S = (LIVE_AFTER_BINS + 1) * BIN_S
+
+
+class _After(NamedTuple):
+    """Bins after the judged one: a stream judges 0.1 s late."""
+
+    live: int = 1
+    recorded: int = 2
+
+
+AFTER = _After()
+LIVE_DELAY_S = (AFTER.live + 1) * BIN_S
 """Time within which a stream's pattern shows a slip."""
-_SOON_BINS = BEFORE_BINS + 1 + AFTER_BINS
+_SOON_BINS = BINS.before + 1 + AFTER.recorded
 """Bins within which the pattern of a slip that begins has changed."""
-_LONGER_REST = CHANGE.at_rest * np.array([((between + 2) / 3) ** CHANGE.exponent for between in BASELINE_BINS])
+_LONGER_REST = CHANGE.at_rest * np.array([((between + 2) / 3) ** CHANGE.exponent for between in BINS.longer])
 """(baselines,), unexplained change at rest over longer baselines; `CHANGE.at_rest` has one bin between its patterns."""
 
 
@@ -73,7 +81,7 @@ class _Forward:
 
     def __init__(self, pitch_m: Floats, after: int, longer: int = 0) -> None:
         """pitch_m: (pads, 2). longer: number of longer baselines."""
-        pads, window = len(pitch_m), BEFORE_BINS + 1 + after
+        pads, window = len(pitch_m), BINS.before + 1 + after
         self._restless, self._shear = RestlessPads(pads, window), ShearRest(pads)
         self._pose = PoseRest(pitch_m, window)
         self._slipped = np.zeros(pads, dtype=np.bool_)
@@ -133,7 +141,7 @@ class LiveOdds:
 
     def __init__(self, pitch_m: Floats) -> None:
         """pitch_m: (pads, 2)."""
-        self._forward = _Forward(pitch_m, LIVE_AFTER_BINS)
+        self._forward = _Forward(pitch_m, AFTER.live)
         self._logged = self._forward.last, _log(self._forward.last)
 
     def step(self, slipping: Bools, slips: Slips, changes: PatternChanges, rested: Bools) -> Odds:
@@ -158,7 +166,7 @@ class OfflineOdds:
 
     def __init__(self, pitch_m: Floats) -> None:
         """pitch_m: (pads, 2)."""
-        self._forward = _Forward(pitch_m, AFTER_BINS, len(BASELINE_BINS))
+        self._forward = _Forward(pitch_m, AFTER.recorded, len(BINS.longer))
         self._bins: list[_Bin] = []  # not given yet, after the last one that was
         self._given = self._forward.last
         self._t = np.zeros(0)  # of the scans held
@@ -211,7 +219,7 @@ def _soon(log_odds: Floats, known: list[_Bin]) -> Floats:
     The bin in which a contact ends has those of the one before it.
     """
     soon = _highest(log_odds, _SOON_BINS)
-    for baseline, between in enumerate(BASELINE_BINS):
+    for baseline, between in enumerate(BINS.longer):
         longer = np.stack([one.longer[:, baseline] for one in known])
         soon = np.fmax(soon, _highest(longer, between))
     unknown = np.isnan(log_odds)

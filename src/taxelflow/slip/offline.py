@@ -15,7 +15,7 @@ import numpy as np
 
 from taxelflow.messages import Event, Floats, Slips
 from taxelflow.numerics.rounding import ROUNDING
-from taxelflow.slip.measurement import MIN_STD_M
+from taxelflow.slip.measurement import LEAST_STD
 from taxelflow.slip.onset import RAMPS
 from taxelflow.slip.session import Detected, SlipSession
 
@@ -194,7 +194,7 @@ class OfflineSlipSession:
             return event.onset_s
         here = slice(low, high)
         path = np.cumsum(np.where(np.arange(high - low)[:, np.newaxis] > 0, moved[here], 0.0), axis=0)
-        weight = 1.0 / np.maximum(self._variance[start:stop, number][here], MIN_STD_M**2)
+        weight = 1.0 / np.maximum(self._variance[start:stop, number][here], LEAST_STD.m**2)
         known = np.isfinite(path).all(axis=0) & np.isfinite(weight).all(axis=0)
         side = 1 if event.event == "slip_start" else -1
         return _fit_change_point(t[here], path[:, known], weight[:, known], event.onset_s, side)

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Slips
     from taxelflow.sensors.layout import Layout
 
-WINDOWS = (2, 8)
-"""Windows in scans: the short one finds a fast slip early, the long one a slow slip."""
-
 
 @dataclass(frozen=True, slots=True)
 class _Test:
@@ -43,6 +40,8 @@ class _Test:
     """Cosine between the normals of facing pads, or less."""
     least_variance_m2: float = 1e-12
     """Of a displacement: a method may report 0."""
+    windows: tuple[int, int] = (2, 8)
+    """Windows in scans: the short one finds a fast slip early, the long one a slow slip."""
 
 
 _TEST = _Test()
@@ -82,7 +81,7 @@ class _Pair:
 
     pads: tuple[int, int]
     to_first: Floats
-    steps: deque[_Step] = field(default_factory=lambda: deque(maxlen=max(WINDOWS)))
+    steps: deque[_Step] = field(default_factory=lambda: deque(maxlen=max(_TEST.windows)))
     noise: float = 1.0
     walk: float = 0.0
     scans: int = 0
@@ -141,8 +140,8 @@ class PadAgreement:
         if pair.scans < _TEST.least_scans:
             return False
         dt_s = float(slips.span_s[scan, [first, second]].mean())
-        p_value = min(self._p_value(pair, noise, dt_s, window) for window in WINDOWS)
-        accepted = dt_s * self._alarms_per_hour / 3600.0 / len(WINDOWS)
+        p_value = min(self._p_value(pair, noise, dt_s, window) for window in _TEST.windows)
+        accepted = dt_s * self._alarms_per_hour / 3600.0 / len(_TEST.windows)
         pair.agreed = p_value < (_TEST.stays if pair.agreed else accepted)
         return pair.agreed
 

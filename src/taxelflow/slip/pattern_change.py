@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -29,10 +29,17 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Scans
     from taxelflow.sensors.layout import Layout
 
-BEFORE_BINS = 2
-"""Bins whose mean is the pattern at rest. Two or three detect equally well."""
-BASELINE_BINS = (10, 20)
-"""Bins between the patterns that a recording compares over longer baselines: 1 and 2 s."""
+
+class _Bins(NamedTuple):
+    """Bins whose patterns are compared."""
+
+    before: int = 2
+    """Bins whose mean is the pattern at rest. Two or three detect equally well."""
+    longer: tuple[int, int] = (10, 20)
+    """Bins between the patterns that a recording compares over longer baselines: 1 and 2 s."""
+
+
+BINS = _Bins()
 STEADY_RISE = 0.1
 """Change of the log load above which a grip closes or opens: the contact is not at rest."""
 _OWN = 6
@@ -84,9 +91,9 @@ class PatternWatch:
         (x, y), one = place_m / scale_m, np.ones(len(scale_m))
         self._basis = np.stack([one, x, y, x * x, x * y, y * y])
         self._extent = np.stack([one, *place_m, (place_m**2).sum(axis=0)])
-        self._creep_m = creep_m_s * (after + BEFORE_BINS + 2) / 2 * BIN_S
+        self._creep_m = creep_m_s * (after + BINS.before + 2) / 2 * BIN_S
         self._after, self._longer = after, longer
-        self._bins: deque[Bin] = deque(maxlen=BEFORE_BINS + max((1, *longer)) + after)
+        self._bins: deque[Bin] = deque(maxlen=BINS.before + max((1, *longer)) + after)
         self._binning = Binning()
         self.completed: list[Bin] | None = [] if layout.unseen_error else None
         """Bins since the last that was taken out, where `ShiftingLoad` needs them."""
@@ -98,7 +105,7 @@ class PatternWatch:
         shear_noise = self._shear_noise.step(scans, scans.shear) if scans.shear is not None and len(scans) else None
         found: tuple[Floats, Bools, Floats] | None = None
         for scan in range(len(scans)):
-            if self._completed(scans, scan) and len(self._bins) > BEFORE_BINS + self._after:
+            if self._completed(scans, scan) and len(self._bins) > BINS.before + self._after:
                 found = found or self._nothing_found(scans.contact.shape)
                 centre_s, touching, values = found
                 centre = self._bins[-1 - self._after]
@@ -135,7 +142,7 @@ class PatternWatch:
     def _sides(self, between: int = 1) -> tuple[list[Bin], list[Bin]]:
         """Bins before and after this many bins, the last of all."""
         bins, first = list(self._bins), len(self._bins) - self._after - between
-        return bins[first - BEFORE_BINS : first], bins[len(bins) - self._after :]
+        return bins[first - BINS.before : first], bins[len(bins) - self._after :]
 
     def _compare(self, noise: Floats, found: Floats) -> None:
         """Fill in, of (6 and 3 of each longer baseline, pads), unexplained, noise, rise and stirred, and the longer
@@ -143,14 +150,14 @@ class PatternWatch:
         """
         found[:4] = self._changed(noise, 1)
         for number, between in enumerate(self._longer):
-            if len(self._bins) >= BEFORE_BINS + between + self._after:
+            if len(self._bins) >= BINS.before + between + self._after:
                 first = _OWN + 3 * number
                 found[first : first + 3] = self._changed(noise, between)[:3]
 
     def _changed(self, noise: Floats, between: int) -> Floats:
         """(4, pads), unexplained, noise, rise and stirred over this many bins."""
         before, after = self._sides(between)
-        window = list(self._bins)[-(BEFORE_BINS + between + self._after) :]
+        window = list(self._bins)[-(BINS.before + between + self._after) :]
         valid = np.logical_and.reduce([one.touching & one.whole for one in window])
         if not valid.any():
             return np.full((4, len(valid)), np.nan)

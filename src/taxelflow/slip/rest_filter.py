@@ -44,10 +44,18 @@ class _Scale(NamedTuple):
 
 
 _SCALE = _Scale()
-_BLOCK_POSES = 16
-"""Products of consecutive u count one block of poses later: the last block may contain a slip not detected yet."""
-_MAX_INFLATION = 9.0
-"""Largest variance inflation: that of an autocorrelation of 0.8."""
+
+
+class _Inflation(NamedTuple):
+    """Inflation of the variance of correlated poses."""
+
+    poses: int = 16
+    """Products of consecutive u count one block of poses later: the last block may contain a slip not detected yet."""
+    most: float = 9.0
+    """Largest variance inflation: that of an autocorrelation of 0.8."""
+
+
+_INFLATION = _Inflation()
 _RELAXATION_S = 1.0
 """Time constant of the Gauss-Markov processes b and c."""
 _YAW_POSES = 20
@@ -136,7 +144,7 @@ def correlation_inflation(rest: RestState) -> float:
     r = rest.product_sum / rest.square_sum - 1.0 / np.sqrt(rest.components)
     if r <= 0.0:
         return 1.0
-    return float((1.0 + r) / (1.0 - r)) if r < (_MAX_INFLATION - 1.0) / (_MAX_INFLATION + 1.0) else _MAX_INFLATION
+    return float((1.0 + r) / (1.0 - r)) if r < (_INFLATION.most - 1.0) / (_INFLATION.most + 1.0) else _INFLATION.most
 
 
 @routine
@@ -261,6 +269,6 @@ def _update_noise_statistics(square: float, rest: RestState) -> None:
         rest.this_block += step.whitened[axis] * rest.previous[axis]
         rest.previous[axis] = step.whitened[axis]
     rest.block_poses += 1
-    if rest.block_poses == _BLOCK_POSES:
+    if rest.block_poses == _INFLATION.poses:
         rest.product_sum += rest.last_block
         rest.last_block, rest.this_block, rest.block_poses = rest.this_block, 0.0, 0

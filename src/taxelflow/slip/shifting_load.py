@@ -35,7 +35,7 @@ from taxelflow.numerics.robust import CLEARLY
 from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.skins import prepare, skin_of
 from taxelflow.slip.evidence import CHANGE, log_likelihood_ratio
-from taxelflow.slip.pattern_change import BEFORE_BINS
+from taxelflow.slip.pattern_change import BINS
 from taxelflow.slip.restless import RESTLESS_SHARE
 
 if TYPE_CHECKING:
@@ -44,12 +44,20 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.pattern_change import PatternChanges
 
-_HISTORY_S = 2.5
-"""Time before a slip that is remembered: the onset detector looks back 2 s."""
+
+@dataclass(frozen=True, slots=True)
+class _Still:
+    """A contact that was still before a slip."""
+
+    history_s: float = 2.5
+    """Time before a slip that is remembered: the onset detector looks back 2 s."""
+    bins: int = 6
+    """A contact was still if it was not restless, see `restless`, over at least this many bins at a steady load."""
+
+
+_STILL = _Still()
 _WINDOW_S = 3 * BIN_S
 """From the first scan of a bin to the end of those after it."""
-_STILL_BINS = 6
-"""A contact was still if it was not restless, see `restless`, over at least this many bins at a steady load."""
 
 
 @dataclass(slots=True, eq=False)
@@ -162,13 +170,13 @@ class ShiftingLoad:
             return _Claim(event.onset_s, still=True, since_s=-np.inf)
         stirred = [flags[pad] for since_s, flags in self._stirred if since_s + _WINDOW_S <= event.onset_s]
         steady = np.array([flag for flag in stirred if not np.isnan(flag)])
-        still = len(steady) >= _STILL_BINS and bool(steady.mean() <= RESTLESS_SHARE)
+        still = len(steady) >= _STILL.bins and bool(steady.mean() <= RESTLESS_SHARE)
         earlier = [
             seen
             for seen in self._seen
             if seen.bin.until_s <= event.onset_s and seen.bin.touching[pad] and seen.bin.whole[pad]
         ]
-        before = self._pattern(pad, earlier[-BEFORE_BINS:]) if earlier else None
+        before = self._pattern(pad, earlier[-BINS.before :]) if earlier else None
         fast = event.speed_m_s * BIN_S > self._pitch_m[pad]
         return _Claim(event.onset_s, still, before, since_s=-np.inf if still and fast else np.inf)
 
@@ -181,7 +189,7 @@ class ShiftingLoad:
     def _judge(self, seen: _Seen) -> None:
         """One more bin: compare the patterns that have not shown their slip yet."""
         self._seen.append(seen)
-        oldest_s = seen.bin.until_s - _HISTORY_S
+        oldest_s = seen.bin.until_s - _STILL.history_s
         self._seen = [one for one in self._seen if one.bin.until_s >= oldest_s]
         self._stirred = [one for one in self._stirred if one[0] >= oldest_s]
         for pad, claim in self._claims.items():

@@ -21,7 +21,7 @@ from taxelflow.numerics.records import Records, Vector, records
 from taxelflow.numerics.rounding import BLIND_M
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
 from taxelflow.runtime.compiling import kernel, routine
-from taxelflow.slip.measurement import MIN_STD_M, MIN_STD_RAD, UNOBSERVABLE_RATIO
+from taxelflow.slip.measurement import LEAST_STD, UNOBSERVABLE_RATIO
 from taxelflow.slip.slip_knots import Knot, Spline, Sums, add_up, backward, forward, place_knots
 
 _MAX_CORRELATION = 0.95
@@ -199,7 +199,7 @@ def _invert(covariance: Floats, axes: NDArray[np.int64], inverse: Floats, factor
     """Fill the inverse (axes, axes) of a covariance (3, 3) with a lower limit of its variances; factor: scratch."""
     count = len(axes)
     for a in range(count):
-        least = MIN_STD_M if axes[a] < 2 else MIN_STD_RAD
+        least = LEAST_STD.m if axes[a] < 2 else LEAST_STD.rad
         for b in range(count):
             factor[a, b] = covariance[axes[a], axes[b]] + (least * least if a == b else 0.0)
     if not factor_small(factor, count):
@@ -226,7 +226,7 @@ def _measure(held: int, axes: NDArray[np.int64], spline: Spline, path: Path) -> 
         path.length_m += length_m
         for a in range(count):
             if axes[a] < 2:
-                along = (position[end + a] - position[begin + a]) / max(length_m, MIN_STD_M)
+                along = (position[end + a] - position[begin + a]) / max(length_m, LEAST_STD.m)
                 gradient[end + a] += along
                 gradient[begin + a] -= along
     path.variance_m2 = forward(spline.band, gradient, held * count, 2 * count)

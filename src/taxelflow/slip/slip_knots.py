@@ -14,12 +14,20 @@ from taxelflow.numerics.records import Records, Vector
 from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.runtime.compiling import routine
 
-MOST_SEGMENTS = 12
-_MOST_KNOTS = MOST_SEGMENTS + 2
+
+class _Path(NamedTuple):
+    """The path of a slip, in straight segments."""
+
+    segments: int = 12
+    """At most: memory and time are bounded."""
+    candidates: int = 24
+    """Times at which a further knot is tried, evenly spread over the scans."""
+
+
+_PATH = _Path()
+_MOST_KNOTS = _PATH.segments + 2
 _ROWS = 3 * _MOST_KNOTS
 """Unknowns at most: three coordinates at each knot."""
-_MOST_CANDIDATES = 24
-"""Times at which a further knot is tried, evenly spread over the scans."""
 
 
 class Sums(NamedTuple):
@@ -83,11 +91,11 @@ def place_knots(t: Floats, sums: Sums, readings: int, spline: Spline) -> tuple[i
     t: (scans,), increasing. readings: scans times axes.
     """
     held, best = 2, _criterion(sums, spline.knots, 2, readings, spline)
-    while held <= MOST_SEGMENTS:
+    while held <= _PATH.segments:
         room = 0
         for segment in range(held - 1):
             room += _room(spline.knots, segment)
-        count = min(room, _MOST_CANDIDATES)
+        count = min(room, _PATH.candidates)
         least, chosen = inf, 0
         for candidate in range(count):
             number = candidate * (room - 1) // (count - 1) if room > count else candidate

@@ -12,11 +12,11 @@ from taxelflow.numerics.bins import AHEAD_S
 from taxelflow.slip.begun import Begun
 from taxelflow.slip.cut_contact import BorderLoss
 from taxelflow.slip.measurement import parameter_records
-from taxelflow.slip.odds import AFTER_BINS, LIVE_AFTER_BINS, LiveOdds, Odds, OfflineOdds
+from taxelflow.slip.odds import AFTER, LiveOdds, Odds, OfflineOdds
 from taxelflow.slip.offline import OfflineSlipSession
 from taxelflow.slip.onset import MAX_EXPONENT
 from taxelflow.slip.pad_agreement import PadAgreement
-from taxelflow.slip.pattern_change import BASELINE_BINS, PatternChanges, PatternWatch
+from taxelflow.slip.pattern_change import BINS, PatternChanges, PatternWatch
 from taxelflow.slip.session import SlipSession
 from taxelflow.slip.shifting_load import ShiftingLoad, ahead
 from taxelflow.slip.slip_events import SlipEvents
@@ -69,7 +69,7 @@ class SlipStage:
     ) -> None:
         """The options are those of `SlipMonitor`. judged: see `SlipMonitor.watch`."""
         pads, parameters = layout.pads, parameter_records(alarms_per_hour, load_m, creep_m_s, settle_s)
-        bins = (LIVE_AFTER_BINS, ()) if stream else (AFTER_BINS, BASELINE_BINS)
+        bins = (AFTER.live, ()) if stream else (AFTER.recorded, BINS.longer)
         self._sheared = False  # a second witness, whose odds consent to a slip where the pattern alone does not
         self._watch = PatternWatch(layout, creep_m_s, *bins)
         self._detector = (SlipSession if stream else OfflineSlipSession)(pads, parameters)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE, Interpolant, interpolate
+from taxelflow.estimation.scan_matching.interpolant import SPLINE_NOISE, Interpolant, interpolate
 from taxelflow.estimation.scan_matching.matching import (
     DOF,
     Fit,
@@ -97,7 +97,7 @@ def test_the_normal_equations_are_those_of_the_jacobian_and_both_scans_noise() -
     fit = fit_of(points, np.array([0.1, 0.0, 0.0, 1.0, 0.0]))
     chi, misfit, freedom = linearize(surface, points, fit)
     taking_part = fit.weight > 0
-    np.testing.assert_allclose(fit.weight[taking_part], 1.0 / (NOISE**2 * (1.0 + VALUE_NOISE)))
+    np.testing.assert_allclose(fit.weight[taking_part], 1.0 / (NOISE**2 * (1.0 + SPLINE_NOISE.value)))
     np.testing.assert_allclose(fit.normal, (fit.jacobian * fit.weight[:, np.newaxis]).T @ fit.jacobian)
     assert freedom == taking_part.sum() - DOF
     assert misfit < chi < 0.5 * freedom
@@ -112,12 +112,14 @@ def test_noise_of_the_surface_grows_with_the_gain_and_its_slopes_turn_with_the_l
     linearize(surface, points, fit)
     used = fit.weight > 0
     w, dx, dy = fit.weight[used], *points.places[:, used]
-    np.testing.assert_allclose(w, 1.0 / (NOISE**2 * (1.0 + gain**2 * VALUE_NOISE)))
+    np.testing.assert_allclose(w, 1.0 / (NOISE**2 * (1.0 + gain**2 * SPLINE_NOISE.value)))
     ones, none = np.ones_like(dx), np.zeros_like(dx)
     slopes = np.array([[ones, none], [none, ones], [-dy, dx]])  # what the slopes along x and y move
-    share = w * VALUE_NOISE * NOISE**2
+    share = w * SPLINE_NOISE.value * NOISE**2
     expected = np.zeros((DOF, DOF))
-    expected[:3, :3] = np.einsum("aik,bik,k->ab", slopes, slopes, share * gain**2 * SLOPE_NOISE / VALUE_NOISE)
+    expected[:3, :3] = np.einsum(
+        "aik,bik,k->ab", slopes, slopes, share * gain**2 * SPLINE_NOISE.slope / SPLINE_NOISE.value
+    )
     expected[3, 3] = share.sum()
     np.testing.assert_allclose(fit.noise_normal, expected, rtol=1e-9, atol=1e-9)
 
@@ -154,7 +156,7 @@ def test_an_outlier_is_held_down_and_counts_as_25() -> None:
     one, other = fit_of(points, state), fit_of(clean, state)
     assert linearize(surface, points, one)[0] == pytest.approx(25.0 + linearize(surface, clean, other)[0], abs=0.1)
     outlier = int(np.flatnonzero(points.taxel == 5 * SIDE + 5)[0])
-    z = 100.0 / np.sqrt(NOISE**2 * (1.0 + VALUE_NOISE))
+    z = 100.0 / np.sqrt(NOISE**2 * (1.0 + SPLINE_NOISE.value))
     assert one.weight[outlier] == pytest.approx(other.weight[outlier] * 5.0 / z, rel=0.02)
 
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, Interpolant, interpolate
+from taxelflow.estimation.scan_matching.interpolant import SPLINE_NOISE, Interpolant, interpolate
 from taxelflow.estimation.scan_matching.matching import DOF, Fit, Points
 from taxelflow.estimation.scan_matching.uncertainty import (
     covariance,
@@ -63,7 +63,7 @@ def test_what_errors_hide_is_their_share_of_the_slopes_and_none_without_errors()
     fit, points = fit_with(), points_of(np.ones(COUNT), np.ones(COUNT))
     none, some, much = (hidden_shares(fit, points, share) for share in (0.0, 0.1, 1e3))
     assert not none.any()
-    slopes = SLOPE_NOISE * 0.1**2 * fit.weight.sum()
+    slopes = SPLINE_NOISE.slope * 0.1**2 * fit.weight.sum()
     held = slopes / np.diagonal(fit.normal)[:2]
     np.testing.assert_allclose(some[:2], held / (1 - held))
     assert some[2] == 0.0  # all taxels are at the object's point

@@ -24,12 +24,12 @@ from rigged import rigged
 from synthetic import dome, grid_sensor, recorded
 from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits, unexplained, unexplained_and_doubted
+from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits, unexplained, unexplained_and_doubted
 from taxelflow.estimation.template.online.map_update import first_pattern
 from taxelflow.estimation.template.online.relocalization import relocalise
 from taxelflow.estimation.template.online.track_state import PadScan, Track
 from taxelflow.messages import LOST
-from taxelflow.numerics.centroid import SKIRT_SHARE
+from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.records import record
 from taxelflow.numerics.robust import gate
 from taxelflow.pipeline import api
@@ -74,15 +74,15 @@ def test_nothing_is_left_where_the_object_is_and_all_beside_it() -> None:
 def test_what_noise_leaves_of_a_faint_scan_is_explained() -> None:
     faint = STATE_0 * np.array([1.0, 1.0, 1.0, 0.01, 1.0])
     reading = 0.01 * values() + np.random.default_rng(0).normal(0.0, 0.5, TAXELS)
-    assert left(reading, faint) < MOST_UNEXPLAINED
-    assert left(reading, faint, VARIANCE / 100.0) > MOST_UNEXPLAINED
+    assert left(reading, faint) < UNEXPLAINED.most
+    assert left(reading, faint, VARIANCE / 100.0) > UNEXPLAINED.most
 
 
 def test_masked_and_saturated_taxels_leave_nothing() -> None:
     peak = int(np.argmax(values()))
     wrong, masked, ceiling = values(), VARIANCE.copy(), NEVER.copy()
     wrong[peak] = 10.0 * wrong[peak]
-    assert left(wrong) > MOST_UNEXPLAINED
+    assert left(wrong) > UNEXPLAINED.most
     masked[peak] = 0.0
     assert left(wrong, variance=masked) == 0.0
     cut = values()
@@ -105,7 +105,7 @@ def test_what_the_sensor_may_have_unseen_is_no_misfit(share: float, strange: boo
     level, unseen = float(values().max()), 0.05 * float(values().max())
     reading = values() * np.where(np.arange(TAXELS) % 2, 1.0 + share, 1.0 - share)
     taxels = pack_scan(PLACES, WHOLE, reading, VARIANCE, NEVER, ERROR)
-    more, least = unseen**2 - ERROR**2, SKIRT_SHARE * level
+    more, least = unseen**2 - ERROR**2, LOADED.skirt * level
     _, chi, count = unexplained_and_doubted(SURFACE, taxels, ERROR, more, least, STATE_0, np.zeros(2), np.zeros((5, 5)))
     loaded = np.maximum(reading, values()) > least
     assert count == loaded.sum() < TAXELS

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.online.spreading import TURN_S, Turns, most_at_once
+from taxelflow.estimation.template.online.spreading import TURN, Turns, most_at_once
 
 
 def test_at_100_hz_all_pads_have_a_turn_in_each_scan() -> None:
@@ -19,7 +19,7 @@ def test_at_1_khz_one_pad_has_a_turn_in_a_scan_and_none_waits_longer_than_its_ti
     assert max(map(len, taken)) == 1
     for pad in range(7):
         own = [scan for scan, pads in enumerate(taken) if pad in pads]
-        assert np.diff(own).max() <= 1000 * TURN_S + 1
+        assert np.diff(own).max() <= 1000 * TURN.every_s + 1
 
 
 def test_who_has_waited_longest_comes_first() -> None:

@@ -7,6 +7,7 @@ import json
 import os
 import threading
 from concurrent.futures import Future
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import pytest
 from streaming import PALM, opened, published, slid
 from taxelflow.acquire.base import Recording
 from taxelflow.condition import relearning
-from taxelflow.condition.sample import WINDOW_SCANS
+from taxelflow.condition.sample import WINDOWS
 from taxelflow.errors import AddressInvalid
 from taxelflow.estimation.template.online import session
 from taxelflow.messages import Output, cut, joined
@@ -120,7 +121,7 @@ def test_a_replay_gives_what_the_loop_gave(
 def test_a_replay_leaves_out_scans_that_the_loop_had_no_time_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(intake, "_MOST_WAITING", 30)
+    monkeypatch.setattr(intake, "_INTAKE", replace(intake._INTAKE, waiting=30))
     live, device = Live(PALM), _Impatient(_recorded(), speed=0.0)
     push = live.push
 
@@ -149,12 +150,12 @@ def test_scans_that_have_waited_are_estimated_in_one_step(tmp_path: Path, monkey
     monkeypatch.setattr(live, "push", push_when_all_has_come)
     report = run_live(device, opened_sinks((f"jsonl:{tmp_path / 'a.jsonl'}",)), live, Limits())
     assert sum(sizes) == len(slid())
-    assert max(sizes) == intake._MOST_TAKEN
+    assert max(sizes) == intake._INTAKE.taken
     alone = Live(PALM, adoptions=[])
     steps = [alone.push(cut(slid(), scan, scan + 1)) for scan in range(len(slid()))]
     update = update_of(joined([*steps, alone.finish()]))
     assert _lines(tmp_path, "a") == [json.loads(line) | {"age_ms": 0} for line in json_lines(update, live.pads)]
-    assert len(slid()) - WINDOW_SCANS <= len(report.estimated) <= len(slid())
+    assert len(slid()) - WINDOWS.scans <= len(report.estimated) <= len(slid())
 
 
 class _Impatient(Replay):

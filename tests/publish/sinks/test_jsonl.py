@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from streaming import PALM, free_port, slid
 from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.loop import update_of
+from taxelflow.publish.sinks import jsonl
 from taxelflow.publish.sinks.base import Ending, Head
 from taxelflow.publish.sinks.jsonl import JsonServer
 
@@ -52,7 +54,7 @@ def update() -> Update:
 def test_more_clients_than_there_is_room_for_are_refused_and_others_go_on(
     server: Server, update: Update, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("taxelflow.publish.sinks.jsonl._MOST_CLIENTS", 2)
+    monkeypatch.setattr(jsonl, "_CLIENTS", replace(jsonl._CLIENTS, most=2))
     with server.client() as first, server.client() as second, server.client() as third:
         server.sink.write(update)
         assert third.recv(10) == b""
@@ -61,7 +63,7 @@ def test_more_clients_than_there_is_room_for_are_refused_and_others_go_on(
 
 
 def test_a_client_that_leaves_makes_room(server: Server, update: Update, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("taxelflow.publish.sinks.jsonl._MOST_CLIENTS", 1)
+    monkeypatch.setattr(jsonl, "_CLIENTS", replace(jsonl._CLIENTS, most=1))
     server.client().close()
     for _ in range(3):  # the first line is sent before the system knows
         server.sink.write(update)

@@ -10,13 +10,14 @@ from __future__ import annotations
 import struct
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
-from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource
+from taxelflow.acquire.devices.streams import PATIENCE, STREAM_OPTIONS, ByteSource
 from taxelflow.errors import ExtraMissing
 from taxelflow.sensors.catalogue import load_sensor
 
@@ -39,12 +40,22 @@ class _Code(IntEnum):
 
 PUCKS = range(11, 15)
 """Numbers of the pucks on the bus, in the order of the readings: of three fingers, and of the palm."""
-FRAMES, PER_FRAME = 5, 5
-"""Frames that carry the readings of a puck, and numbers in a frame."""
-READINGS = FRAMES * PER_FRAME - 1
+
+
+@dataclass(frozen=True, slots=True)
+class _Puck:
+    """What a puck sends."""
+
+    frames: int = 5
+    per_frame: int = 5
+    """Frames that carry the readings of a puck, and numbers in a frame."""
+    per_n_cm2: float = 256.0
+    """Counts in a pressure of 1 N/cm2."""
+
+
+PUCK = _Puck()
+READINGS = PUCK.frames * PUCK.per_frame - 1
 """Of a puck: the last number of the last frame is padding."""
-PER_N_CM2 = 256.0
-"""Counts in a pressure of 1 N/cm2."""
 _RATE = 40.0
 """Default scans/s."""
 CAN_FRAME = struct.Struct(">H8s")
@@ -53,9 +64,9 @@ CAN_FRAME = struct.Struct(">H8s")
 
 def frames_of(puck: int, readings: Floats) -> bytes:
     """The frames of a puck's 24 readings in N/cm2."""
-    counts = np.clip(np.round(np.nan_to_num(readings) * PER_N_CM2), 0, 4095).astype(int)
+    counts = np.clip(np.round(np.nan_to_num(readings) * PUCK.per_n_cm2), 0, 4095).astype(int)
     frames = []
-    for sequence, numbers in enumerate(np.append(counts, 0).reshape(FRAMES, PER_FRAME).tolist()):
+    for sequence, numbers in enumerate(np.append(counts, 0).reshape(PUCK.frames, PUCK.per_frame).tolist()):
         word = sequence
         for number in numbers:
             word = word << 12 | number
@@ -120,18 +131,19 @@ class BarrettParser:
         """A puck's readings, when the last of its frames has come."""
         sequence = word >> 60
         numbers = self._parts.setdefault(puck, [])
-        own = [word >> 12 * (PER_FRAME - 1 - k) & 0xFFF for k in range(PER_FRAME)]
-        if (sequence + 1) * PER_FRAME == len(numbers) and numbers[-PER_FRAME:] == own:  # a frame that came twice
+        count = PUCK.per_frame
+        own = [word >> 12 * (count - 1 - k) & 0xFFF for k in range(count)]
+        if (sequence + 1) * count == len(numbers) and numbers[-count:] == own:  # a frame that came twice
             return None
-        if sequence * PER_FRAME != len(numbers):
+        if sequence * count != len(numbers):
             self._faults.count("frame out of sequence", f"{sequence} of puck {puck}")
             numbers.clear()
-        if sequence * PER_FRAME == len(numbers) and sequence < FRAMES:
+        if sequence * count == len(numbers) and sequence < PUCK.frames:
             numbers += own
-        if len(numbers) < FRAMES * PER_FRAME:
+        if len(numbers) < PUCK.frames * count:
             return None
         del self._parts[puck]
-        return np.array(numbers[:READINGS]) / PER_N_CM2
+        return np.array(numbers[:READINGS]) / PUCK.per_n_cm2
 
     def _values(self) -> Floats:
         missing = np.full(READINGS, np.nan)
@@ -145,7 +157,7 @@ class CanBus:
     """
 
     patient = False
-    timeout_s = TIMEOUT_S
+    timeout_s = PATIENCE.timeout_s
 
     def __init__(self, interface: str, channel: str, rate_hz: float = _RATE) -> None:
         try:
@@ -198,7 +210,7 @@ class CanBus:
                 self.send(identifier, content)
         except self._can.CanError as error:
             raise OSError(str(error)) from error
-        self._asked_s, self._left, self._asked = time.monotonic(), FRAMES * len(PUCKS), ASKED
+        self._asked_s, self._left, self._asked = time.monotonic(), PUCK.frames * len(PUCKS), ASKED
         self._due_s = self._asked_s + max(POLL_S, self._period_s)
 
     def asked(self, wait_s: float) -> int:

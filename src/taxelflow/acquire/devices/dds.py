@@ -13,7 +13,7 @@ import numpy as np
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
 from taxelflow.acquire.devices.rosbridge import asked_kind
-from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource, need_sensor
+from taxelflow.acquire.devices.streams import PATIENCE, STREAM_OPTIONS, ByteSource, need_sensor
 from taxelflow.acquire.ros.columns import columns_of
 from taxelflow.acquire.ros.decode import Decoder, store_of
 from taxelflow.acquire.ros.kinds import Kind, ros2_name
@@ -83,7 +83,7 @@ class DdsReader:
     """A reader of one topic; a piece is a message in CDR."""
 
     patient = False
-    timeout_s = TIMEOUT_S
+    timeout_s = PATIENCE.timeout_s
 
     def __init__(self, domain: int, topic: str, kind: Any) -> None:
         self._dds = cyclonedds()

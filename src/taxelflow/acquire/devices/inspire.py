@@ -11,12 +11,13 @@ import logging
 import threading
 import time
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
-from taxelflow.acquire.devices.streams import STREAM_OPTIONS, TIMEOUT_S, ByteSource, need_sensor
+from taxelflow.acquire.devices.streams import PATIENCE, STREAM_OPTIONS, ByteSource, need_sensor
 from taxelflow.errors import ExtraMissing, TaxelCountWrong
 
 if TYPE_CHECKING:
@@ -26,8 +27,20 @@ if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
-PORT, FIRST, BYTES = 6000, 3000, 2
-"""Modbus: default port, first register of the readings, and step of the addresses per reading."""
+
+@dataclass(frozen=True, slots=True)
+class _Modbus:
+    """The registers of a hand."""
+
+    port: int = 6000
+    """Default port."""
+    first: int = 3000
+    """First register of the readings."""
+    step: int = 2
+    """Step of the addresses per reading."""
+
+
+MODBUS = _Modbus()
 PADS = 4 * (9, 96, 80) + 2 * (9, 96) + (112,)
 """Readings of each pad: tip, top and palm of four fingers; tip, top, middle and palm of the thumb; the palm. Modbus
 gives up to 125 in one answer.
@@ -38,7 +51,7 @@ class ModbusHand:
     """Reads all registers, again and again: a piece is a scan."""
 
     patient = True
-    timeout_s = TIMEOUT_S
+    timeout_s = PATIENCE.timeout_s
 
     def __init__(self, host: str, port: int, values: int, rate_hz: float) -> None:
         try:
@@ -80,7 +93,7 @@ class ModbusHand:
         """Readings from a first one on. Raises ConnectionError."""
         try:
             with _unheard():
-                answer = self._client.read_holding_registers(FIRST + BYTES * first, count=count)
+                answer = self._client.read_holding_registers(MODBUS.first + MODBUS.step * first, count=count)
         except self._fault as error:
             raise ConnectionError(str(error)) from error
         if answer.isError():
@@ -138,5 +151,5 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     if sensor.channel_map.columns > sum(PADS):
         raise TaxelCountWrong("the hand", sum(PADS), sensor.name, sensor.channel_map.columns)
     rate_hz = address.number("rate", 50.0, 0.1)
-    hand = ModbusHand(address.host or "127.0.0.1", address.port or PORT, sensor.channel_map.columns, rate_hz)
+    hand = ModbusHand(address.host or "127.0.0.1", address.port or MODBUS.port, sensor.channel_map.columns, rate_hz)
     return ByteSource(address, sensor, hand, _Int16(), Faults())

@@ -8,13 +8,14 @@ to the configuration file of liblsl.
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taxelflow.acquire.devices.base import CONNECT_S, POLL_S, Faults
-from taxelflow.acquire.devices.streams import TIMEOUT_S, ByteSource, need_sensor
+from taxelflow.acquire.devices.streams import PATIENCE, ByteSource, need_sensor
 from taxelflow.errors import AddressInvalid, ExtraMissing
 
 if TYPE_CHECKING:
@@ -26,12 +27,32 @@ _OPTIONS = ("time", "wait", "timeout", "keep", "scope")
 _SCOPES = ("machine", "link", "site", "config")
 _scope: dict[str, str] = {}
 """The scope of this process."""
-_HELD_S = 10
-"""s of scans that LSL holds for a reader that is behind."""
-_MOST_SAMPLES = 256
-"""Scans that are read at once, at most."""
-_LINGER_S, _LOOK_S = 0.5, 0.02
-"""Time that an outlet with readers stays after its last sample, and between two looks whether there are any."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Inlet:
+    """What a reader holds."""
+
+    held_s: int = 10
+    """s of scans that LSL holds for a reader that is behind."""
+    samples: int = 256
+    """Scans that are read at once, at most."""
+
+
+_INLET = _Inlet()
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """The end of an outlet with readers."""
+
+    linger_s: float = 0.5
+    """Time that it stays after its last sample."""
+    look_s: float = 0.02
+    """Time between two looks whether there are any readers."""
+
+
+_END = _End()
 
 
 @cache
@@ -61,16 +82,16 @@ def linger(*outlets: Any) -> None:
     """Give outlets time before they are closed: threads of theirs send, no call waits for these, and what they have
     not sent by then is lost.
     """
-    until = time.monotonic() + _LINGER_S
+    until = time.monotonic() + _END.linger_s
     while time.monotonic() < until and any(outlet.have_consumers() for outlet in outlets):
-        time.sleep(_LOOK_S)
+        time.sleep(_END.look_s)
 
 
 class Inlet:
     """A reader of the stream of a name; a piece is float64: how many channels, then rows of a stamp and a scan."""
 
     patient = False
-    timeout_s = TIMEOUT_S
+    timeout_s = PATIENCE.timeout_s
 
     def __init__(self, address: Address) -> None:
         self._lsl, self._name = pylsl(address), address.need_path("lsl:NAME")
@@ -91,7 +112,7 @@ class Inlet:
             raise ConnectionError(f"stream {self._name!r} sends text")
         self._last = stream.uid()
         try:
-            self._inlet = self._lsl.StreamInlet(stream, max_buflen=_HELD_S, recover=False)
+            self._inlet = self._lsl.StreamInlet(stream, max_buflen=_INLET.held_s, recover=False)
             self._inlet.open_stream(timeout=CONNECT_S)
         except RuntimeError as error:
             raise ConnectionError(str(error)) from error
@@ -103,7 +124,7 @@ class Inlet:
             first, stamp = self._inlet.pull_sample(timeout=POLL_S)
             if first is None:
                 return b""
-            scans, stamps = self._inlet.pull_chunk(timeout=0.0, max_samples=_MOST_SAMPLES)
+            scans, stamps = self._inlet.pull_chunk(timeout=0.0, max_samples=_INLET.samples)
         except RuntimeError as error:  # the stream has been lost
             raise ConnectionError(str(error)) from error
         rows = np.column_stack([[stamp, *stamps], [first, *scans]])

@@ -6,7 +6,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
-from taxelflow.acquire.devices.streams import LINE_OPTIONS, TIMEOUT_S, ByteSource, need_sensor, parser_of
+from taxelflow.acquire.devices.streams import LINE_OPTIONS, PATIENCE, ByteSource, need_sensor, parser_of
 from taxelflow.errors import ExtraMissing
 
 try:
@@ -28,7 +28,7 @@ class SerialLine:
     """A serial device, opened by pyserial, which gives OSErrors for a cable that is pulled."""
 
     patient = False
-    timeout_s = TIMEOUT_S
+    timeout_s = PATIENCE.timeout_s
 
     def __init__(self, device: str, baud: int) -> None:
         self._device, self._baud = device, baud

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import time
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from taxelflow.acquire.base import Recording
@@ -22,8 +23,18 @@ if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
-WAIT_S, TIMEOUT_S = 5.0, 10.0
-"""Defaults of ?wait=, for a device to appear at the start, and of ?timeout=, for one that has gone silent; 0: never."""
+
+@dataclass(frozen=True, slots=True)
+class _Patience:
+    """How long a source waits before it gives up, s: defaults of its options, of which 0 is never."""
+
+    wait_s: float = 5.0
+    """Of ?wait=, for a device to appear at the start."""
+    timeout_s: float = 10.0
+    """Of ?timeout=, for one that has gone silent."""
+
+
+PATIENCE = _Patience()
 _SPREAD_S = 0.05
 """Longest time that scans without a time of their own are spread over: USB adapters pass bytes on in pieces."""
 STREAM_OPTIONS = ("time", "format", "wait", "timeout", "keep")
@@ -64,7 +75,7 @@ class ByteSource:
         self.recording, self.faults = Recording.live(sensor, address.url), faults
         self.patient = transport.patient
         self._address, self._transport, self._parser = address, transport, parser
-        self._wait_s = address.number("wait", WAIT_S)
+        self._wait_s = address.number("wait", PATIENCE.wait_s)
         self._timeout_s = address.number("timeout", transport.timeout_s) or float("inf")
         self._keep = address.flag("keep")
         self._open = self._lost = False

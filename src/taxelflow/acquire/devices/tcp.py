@@ -10,7 +10,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from taxelflow.acquire.devices.base import CONNECT_S, PIECE_BYTES, POLL_S, Faults
-from taxelflow.acquire.devices.streams import LINE_OPTIONS, TIMEOUT_S, ByteSource, Ended, need_sensor, parser_of
+from taxelflow.acquire.devices.streams import LINE_OPTIONS, PATIENCE, ByteSource, Ended, need_sensor, parser_of
 from taxelflow.runtime.endpoints import listening, place_of
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class _Connection:
     """A connected socket; reads wait for `POLL_S`."""
 
     patient = True
-    timeout_s = TIMEOUT_S
+    timeout_s = PATIENCE.timeout_s
 
     def __init__(self, endpoint: tuple[str, int]) -> None:
         self._endpoint = endpoint

@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 from statistics import median
 
-from taxelflow.acquire.columns import SECONDS_PER, SLOWEST_HZ, likely_unit
+from taxelflow.acquire.columns import RATES, SECONDS_PER, likely_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class TimeUnit:
             return False
         device_s, computer_s = SECONDS_PER[unit] * sum(steps_s), sum(passed for _, passed in self._steps)
         agree = computer_s / _STEPS.alike < device_s < computer_s * _STEPS.alike
-        if agree or rate_hz < SLOWEST_HZ:
+        if agree or rate_hz < RATES.slowest_hz:
             self.doubt = (
                 f"steps of {median(steps_s):.3g} s, while scans come more than {_STEPS.quick:g} times as fast: the "
                 f"times are likely in {unit} ({unit_remedy(unit)}), unless a recording is sent faster than it was made"

@@ -8,7 +8,7 @@ import socket
 from typing import TYPE_CHECKING
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
-from taxelflow.acquire.devices.streams import TIMEOUT_S, ByteSource, need_sensor, parser_of
+from taxelflow.acquire.devices.streams import PATIENCE, ByteSource, need_sensor, parser_of
 from taxelflow.runtime.endpoints import place_of
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ class _Datagrams:
     """A bound socket. Datagrams that come while its buffer is full are lost."""
 
     patient = False
-    timeout_s = TIMEOUT_S
+    timeout_s = PATIENCE.timeout_s
 
     def __init__(self, endpoint: tuple[str, int]) -> None:
         self._endpoint = endpoint

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.acquire.devices.base import CONNECT_S, POLL_S
-from taxelflow.acquire.devices.streams import TIMEOUT_S, Ended
+from taxelflow.acquire.devices.streams import PATIENCE, Ended
 from taxelflow.errors import ExtraMissing
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ class WebSocket:
     """A client. greeting: messages that are sent when it has connected."""
 
     patient = False
-    timeout_s = TIMEOUT_S
+    timeout_s = PATIENCE.timeout_s
 
     def __init__(self, url: str, greeting: Sequence[str] = ()) -> None:
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections import Counter
+from dataclasses import dataclass
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -27,8 +28,19 @@ _LANGUAGES: dict[str, Literal["msg", "idl", ""]] = {
     "ros2msg": "msg",
     "ros2idl": "idl",
 }
-_CHARGE, _CHARGED = 1024, 4096
-"""Bytes that a record counts for in what a file unpacks to: so long its decoding takes; of this many at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Charge:
+    """What records count for in what a file unpacks to: so long their decoding takes."""
+
+    bytes: int = 1024
+    """Of a record."""
+    records: int = 4096
+    """So many are charged at once."""
+
+
+_CHARGE = _Charge()
 
 
 class McapSource:
@@ -163,8 +175,8 @@ def _unpacked(chunk: Chunk, path: Path) -> bytes:
 
 def _charged(records: Iterator[McapRecord], budget: Budget) -> Iterator[McapRecord]:
     for number, record in enumerate(records, 1):
-        if number % _CHARGED == 0:
-            budget.spend(_CHARGED * _CHARGE)
+        if number % _CHARGE.records == 0:
+            budget.spend(_CHARGE.records * _CHARGE.bytes)
         yield record
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.estimation.template.map import MOST_KNOTS
+from taxelflow.estimation.template.map import LATTICE
 from taxelflow.estimation.template.observations import across, reach
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.banded import WIDTH, add_diagonal, add_square, lower_factor, smoothness, solve_band
@@ -37,8 +37,18 @@ class _Spline(NamedTuple):
 
 
 _SPLINE = _Spline()
-VALUE_NOISE, SLOPE_NOISE = 0.764, 2.163
-"""Variance of a cubic spline through readings on a grid, and of its slope per pitch, over theirs (means)."""
+
+
+class _Noise(NamedTuple):
+    """Variances of a cubic spline through readings on a grid, over theirs (means)."""
+
+    value: float = 0.764
+    """Of its value."""
+    slope: float = 2.163
+    """Of its slope per pitch."""
+
+
+SPLINE_NOISE = _Noise()
 
 
 class Interpolant(NamedTuple):
@@ -68,9 +78,9 @@ class Interpolant(NamedTuple):
         """
         live = variance > 0
         low, high = places.min(axis=1), places.max(axis=1)
-        if np.prod(high - low + 2 * _SPLINE.margin + 1) > MOST_KNOTS:
+        if np.prod(high - low + 2 * _SPLINE.margin + 1) > LATTICE.most_knots:
             size = " x ".join(f"{side:.0f}" for side in high - low)
-            duty = f"cover at most {MOST_KNOTS} square pitches: leave this group out"
+            duty = f"cover at most {LATTICE.most_knots} square pitches: leave this group out"
             raise ParameterInvalid(f"extent of {name}", f"{size} pitches", duty)
         usual = float(np.median(variance[live])) if live.any() else 1.0
         relative = variance / usual
@@ -88,7 +98,7 @@ class Interpolant(NamedTuple):
             weight=weight,
             factor=np.ascontiguousarray(_factor((ny, nx), first, weight, trust).T),
             trust=trust,
-            variance=np.where(nearest >= 0, VALUE_NOISE * variance[nearest], usual).reshape(ny, nx),
+            variance=np.where(nearest >= 0, SPLINE_NOISE.value * variance[nearest], usual).reshape(ny, nx),
             unobserved=(nearest < 0).reshape(ny, nx),
             unobservable=np.where(across(places, live), reach(places), 0.0),
         )

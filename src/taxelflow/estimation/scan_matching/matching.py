@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, VALUE_NOISE
+from taxelflow.estimation.scan_matching.interpolant import SPLINE_NOISE
 from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, Prior, register
 from taxelflow.estimation.template.linearization import pack_scan
-from taxelflow.estimation.template.map import MARGIN
+from taxelflow.estimation.template.map import LATTICE
 from taxelflow.estimation.template.map import Surface as Known
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.bspline import STATE, State, evaluate, put, state_of
-from taxelflow.numerics.centroid import LOADED_SIGMAS
+from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.robust import CHEAPER, FITS, HUBER, OUTLIER, huber_weight
 from taxelflow.numerics.se2 import rotate_back
 from taxelflow.numerics.small_linalg import add_lower, mirror
@@ -29,8 +29,18 @@ if TYPE_CHECKING:
 DOF = STATE - 1
 """Of a state: x, y, theta, gain; the size is held."""
 _ITERATIONS = np.int64(20)  # numba compiles `register` again for each constant of Python
-_LOOSE_TURN, _LOOSE_GAIN = 1.0, 1e-2
-"""Prior information on no turn, 1 / rad^2, and on no change of the gain: enough to hold what nothing determines."""
+
+
+class _Loose(NamedTuple):
+    """Prior information: enough to hold what nothing determines."""
+
+    turn: float = 1.0
+    """On no turn, 1 / rad^2."""
+    gain: float = 1e-2
+    """On no change of the gain."""
+
+
+_LOOSE = _Loose()
 _MODEL_ERROR = 0.05
 """A scan fits if its residuals are explained by noise and by an error of the surface of this share."""
 
@@ -87,15 +97,19 @@ def surroundings(
     low_x = low_y = np.inf
     high_x = high_y = -np.inf
     for i in range(len(now)):
-        loaded = now[i] > 0.0 and now[i] * now[i] > LOADED_SIGMAS**2 * variance[i] > 0.0
-        loaded |= last[i] > 0.0 and last[i] * last[i] > LOADED_SIGMAS**2 * last_variance[i] > 0.0
+        loaded = now[i] > 0.0 and now[i] * now[i] > LOADED.sigmas**2 * variance[i] > 0.0
+        loaded |= last[i] > 0.0 and last[i] * last[i] > LOADED.sigmas**2 * last_variance[i] > 0.0
         if loaded:
             low_x, high_x = min(low_x, places[0, i]), max(high_x, places[0, i])
             low_y, high_y = min(low_y, places[1, i]), max(high_y, places[1, i])
     chosen, count = np.empty(len(now), np.int64), 0
     for i in range(len(now)):
         x, y = places[0, i], places[1, i]
-        if variance[i] > 0.0 and low_x - MARGIN <= x <= high_x + MARGIN and low_y - MARGIN <= y <= high_y + MARGIN:
+        if (
+            variance[i] > 0.0
+            and low_x - LATTICE.margin <= x <= high_x + LATTICE.margin
+            and low_y - LATTICE.margin <= y <= high_y + LATTICE.margin
+        ):
             chosen[count] = i
             count += 1
     return chosen[:count]
@@ -122,8 +136,8 @@ def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Flo
     put(State(0.0, 0.0, 0.0, guess.gain, 0.0), mean)
     loose_x = HELD if surface.unobservable[0] > 0.0 else FREE
     loose_y = HELD if surface.unobservable[1] > 0.0 else FREE
-    loose_turn = _LOOSE_TURN if turns else HELD
-    put(State(loose_x, loose_y, loose_turn, _LOOSE_GAIN / guess.gain**2, HELD), precision)
+    loose_turn = _LOOSE.turn if turns else HELD
+    put(State(loose_x, loose_y, loose_turn, _LOOSE.gain / guess.gain**2, HELD), precision)
     prior, known = Prior(mean, precision), Known(surface.c, surface.variance, surface.lattice)
     taxels = pack_scan(points.places, np.zeros((3, 0)), points.reading, points.variance, points.ceiling, 0.0)
     information = np.zeros((STATE, STATE))
@@ -196,6 +210,6 @@ def _add_square(w: float, row: Floats, normal: Floats) -> None:
 @inlined
 def _add_noise(share: float, gain: float, dx: float, dy: float, normal: Floats) -> None:
     """Add to normal (4, 4), its lower half, what noise in value and slopes at (dx, dy) makes of J^T W J."""
-    noise = share * gain * gain * SLOPE_NOISE / VALUE_NOISE
+    noise = share * gain * gain * SPLINE_NOISE.slope / SPLINE_NOISE.value
     turn = (-noise * dy, noise * dx, noise * (dx * dx + dy * dy))
     add_lower((noise, 0.0, noise, *turn, 0.0, 0.0, 0.0, share), normal, DOF)

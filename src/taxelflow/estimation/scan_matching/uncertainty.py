@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.scan_matching.interpolant import SLOPE_NOISE, Interpolant
+from taxelflow.estimation.scan_matching.interpolant import SPLINE_NOISE, Interpolant
 from taxelflow.estimation.scan_matching.matching import DOF, Fit, Points
 from taxelflow.estimation.template.levenberg_marquardt import FREE
 from taxelflow.messages import Floats
@@ -134,7 +134,7 @@ def hidden_shares(fit: Fit, points: Points, share: float) -> Floats:
     still, turned, out = 0.0, 0.0, np.empty(3)
     at = state_of(fit.state)
     for i in range(len(points.reading)):
-        error = SLOPE_NOISE * fit.weight[i] * (share * points.reading[i]) ** 2
+        error = SPLINE_NOISE.slope * fit.weight[i] * (share * points.reading[i]) ** 2
         dx, dy = points.places[0, i] - at.x, points.places[1, i] - at.y
         still += error
         turned += error * (dx * dx + dy * dy)

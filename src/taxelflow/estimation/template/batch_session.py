@@ -12,7 +12,7 @@ from taxelflow.estimation.template.bundle_adjustment import information_of
 from taxelflow.estimation.template.centre_of_pressure import witnessed
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.dead_taxels import working
-from taxelflow.estimation.template.deforming import CHANGES, MEMORY, Moment, follow_changing
+from taxelflow.estimation.template.deforming import CHANGES, ODOMETRY, Moment, follow_changing
 from taxelflow.estimation.template.depth import DEPTH_STD, as_pressure, with_depth
 from taxelflow.estimation.template.map_doubt import of_map
 from taxelflow.estimation.template.map_export import Maps, as_map
@@ -225,7 +225,7 @@ class BatchSession:
         uncertain about them; and the map at some moment. readings: (scans, taxels), before gains divided them.
         """
         layout, pitch_m, unseen_error = self._layout, float(self._pitch_m[pad]), self._layout.unseen_error
-        of_one_map = solved.error <= CHANGES or len(scanned) <= MEMORY
+        of_one_map = solved.error <= CHANGES or len(scanned) <= ODOMETRY.memory
         if of_one_map:
             whole_contact = pad < layout.pad_count or layout.contact_of[pad] >= 0  # load leaves a part of one
             poses = _on_one_map(solved, scanned, pitch_m, unseen_error, whole_contact=whole_contact)

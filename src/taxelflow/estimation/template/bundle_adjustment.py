@@ -26,31 +26,45 @@ if TYPE_CHECKING:
 
 _MOST_STEP = np.array([1.0, 1.0, 0.15, 0.2, 0.05])
 """Largest step of a state in one round; the first two in knots."""
-_SETTLED = 0.05
-"""Steps of a pose, in its standard deviations, below which the fit has converged."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Smoothing:
-    """How the smoothing of a map is learned."""
+class _Rounds:
+    """Rounds of the adjustment."""
 
-    most_step: float = 5.0
-    """Largest factor by which the smoothing changes in a round."""
-    most: float = 1e3
-    """Largest smoothing, over that a priori."""
-    error: float = 0.02
-    """Error, as a share of the largest reading, above which a pattern is at least as smooth as a priori."""
+    settled: float = 0.05
+    """Steps of a pose, in its standard deviations, below which the fit has converged."""
+    worse: float = 1.1
+    """A round that increases the cost by this factor is undone."""
 
 
-_SMOOTHING = _Smoothing()
-_MOST_CG, _CG_ERROR = 60, 1e-2
-"""Iterations of conjugate gradients at most, and their relative residual: rounds repeat the solution."""
+_ROUNDS = _Rounds()
+
+
+@dataclass(frozen=True, slots=True)
+class _Gradients:
+    """The conjugate gradients of a round."""
+
+    most: int = 60
+    error: float = 1e-2
+    """Iterations at most, and their relative residual: rounds repeat the solution."""
+
+
+_GRADIENTS = _Gradients()
 _GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
 """Bounds of gains, and of the logarithm of sizes, against steps that diverge."""
-_WORSE = 1.1
-"""A round that increases the cost by this factor is undone."""
-_PROBES, _PROBED = 16, 16_000
-"""Random vectors of the estimate of a trace, at most, and times knots: its relative error falls with both."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Trace:
+    """The estimate of a trace."""
+
+    probes: int = 16
+    work: int = 16_000
+    """Random vectors at most, and times knots: its relative error falls with both."""
+
+
+_TRACE = _Trace()
 LEAST_INFORMATION = 1e-9
 """Added to the information on each component of a state, which may be 0."""
 
@@ -136,7 +150,7 @@ class _Linear:
     def determined(self, factor: Factor) -> float:
         """Number of coefficients that the readings determine, not their priors: a trace, by random vectors."""
         pattern, knots = self.pattern, len(self.normal.right)
-        probes = min(_PROBES, -(-_PROBED // knots))
+        probes = min(_TRACE.probes, -(-_TRACE.work // knots))
         signs = np.random.default_rng(0).choice([-1.0, 1.0], (probes, knots))
         held = np.empty(knots)
         total = 0.0
@@ -194,14 +208,14 @@ def refine(
     for round_ in range(rounds + 1):
         linear.update(states)
         merit = float(normal.chi.sum() + (pull * (states - usual) ** 2).sum() + pattern.smoothing * linear.bending())
-        if merit > _WORSE * best.merit:
+        if merit > _ROUNDS.worse * best.merit:
             best.restore(pattern, states)
             linear.update(states)
             damping = max(10.0 * damping, 0.1)
         elif merit < best.merit:
             best = _Best(merit, states.copy(), pattern.coefficients, pattern.smoothing)
         if round_:
-            _learn_smoothing(pattern, linear.bending(), error)
+            pattern.learn_smoothing(linear.bending(), error)
         linear.regularise()
         normal.gradient[:] -= pull * (states - usual)
         normal.gradient[:, fixed] = 0.0
@@ -216,7 +230,7 @@ def refine(
         pattern.coefficients = pattern.coefficients + back.reshape(pattern.shape)
         relative = pose_part(step) - pose_part(step).mean(axis=0)
         moves = relative**2 * pose_part(normal.blocks[:, diagonal, diagonal])
-        if np.sqrt(moves.mean(axis=0).max()) < _SETTLED:
+        if np.sqrt(moves.mean(axis=0).max()) < _ROUNDS.settled:
             break
     free = linear.determined(factor) + len(states) * int(np.sum(~fixed))
     return Fit(
@@ -244,18 +258,6 @@ def information_of(
     return linear.normal.blocks
 
 
-def _learn_smoothing(pattern: Pattern, bending: float, error: float) -> None:
-    """As much smoothing as the pattern's own bending suggests, in bounded steps.
-
-    At least the usual where the error is large, for the pattern must not explain what poses do not; less as it shrinks.
-    """
-    wanted = 0.5 * pattern.coefficients.size / max(bending, 1e-300)
-    low, high = pattern.smoothing / _SMOOTHING.most_step, pattern.smoothing * _SMOOTHING.most_step
-    usual = pattern.usual_smoothing
-    least = usual * min(error / _SMOOTHING.error, 1.0) ** 2
-    pattern.smoothing = float(np.clip(np.clip(wanted, low, high), least, usual * _SMOOTHING.most))
-
-
 def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Floats]:
     """Steps of the states (scans, 5), none longer than allowed, and of the coefficients (knots,) that go with them."""
     blocks = linear.normal.blocks.copy()
@@ -281,7 +283,7 @@ def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Flo
     operator = LinearOperator((size, size), matvec=reduced, dtype=np.float64)
     guide = LinearOperator((size, size), matvec=precondition, dtype=np.float64)
     target = (linear.normal.gradient - linear.to_states(factor.solve(linear.normal.right))).ravel()
-    solution, _ = cg(operator, target, rtol=_CG_ERROR, maxiter=_MOST_CG, M=guide)
+    solution, _ = cg(operator, target, rtol=_GRADIENTS.error, maxiter=_GRADIENTS.most, M=guide)
     most = _MOST_STEP.copy()
     most[:2] *= linear.pattern.lattice[0]
     step = np.clip(solution.reshape(shape), -most, most)

@@ -38,7 +38,7 @@ For a sensor with `unseen_error = 0` none of this is done: there the residuals s
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -58,13 +58,22 @@ if TYPE_CHECKING:
 
 BORDER_ERROR = 0.2
 """Relative error of the motion of c for a contact whose whole load lies at the pad's border: b above."""
-_LEAP = 1.0
-"""Pitches from scan to scan above which a map does not determine how far an object has moved."""
-_ROUNDS = 3
-"""Of reweighting, in which scans that the border cuts count less, to find the centre of a map."""
-_HAS_CENTRE = 0.5
-"""Share of the size of a predicted pressure above which its sum has a centre: a spline may predict less than none
-beside its object, and the mean place of what nearly cancels is anywhere, once half a metre off the pad."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Centre:
+    """The centre of a map."""
+
+    leap: float = 1.0
+    """Pitches from scan to scan above which a map does not determine how far an object has moved."""
+    rounds: int = 3
+    """Of reweighting, in which scans that the border cuts count less, to find the centre of a map."""
+    share: float = 0.5
+    """Share of the size of a predicted pressure above which its sum has a centre: a spline may predict less than none
+    beside its object, and the mean place of what nearly cancels is anywhere, once half a metre off the pad."""
+
+
+_CENTRE = _Centre()
 
 
 @kernel
@@ -128,11 +137,11 @@ class Centres(NamedTuple):
         found = np.empty((len(scanned), 14))
         model = solved.fit.model
         _centres(replace(scanned, readings=model).with_error(0.0), scanned.edge, 0.0, found)
-        has_centre = np.nansum(model, axis=1) > _HAS_CENTRE * np.nansum(np.abs(model), axis=1)
+        has_centre = np.nansum(model, axis=1) > _CENTRE.share * np.nansum(np.abs(model), axis=1)
         states = solved.states
         inside, own = _in_body(found[:, :2], states), solved.fit.covariance
         known, spread = self.known & has_centre & (found[:, 3] > 0), own[:, 0, 0] + own[:, 1, 1] + self.spread
-        leaps = np.hypot(*np.diff(states[:, :2], axis=0).T) > _LEAP
+        leaps = np.hypot(*np.diff(states[:, :2], axis=0).T) > _CENTRE.leap
         run = np.concatenate([[0], np.cumsum(leaps)])
         most = int(np.argmax(np.bincount(run, weights=known)))
         off, middle = np.zeros_like(inside), np.full(2, np.nan)
@@ -143,7 +152,7 @@ class Centres(NamedTuple):
             if is_held.any():
                 reference = np.average((inside - held)[is_held], axis=0, weights=1.0 / spread[is_held])
                 off = np.where(own_run[:, np.newaxis], inside - reference, off)
-            for _ in range(0 if is_held.any() else _ROUNDS):
+            for _ in range(0 if is_held.any() else _CENTRE.rounds):
                 weights = own_run / (spread + np.sum(off**2, axis=1))
                 reference = np.average(inside, axis=0, weights=weights)
                 off = np.where(own_run[:, np.newaxis], inside - reference, off)

@@ -1,7 +1,7 @@
 """Odometry of contacts whose pattern changes, because the object rolls or deforms.
 
-Each scan is registered to the pattern of the `MEMORY` scans before it. Errors add up from scan to scan, and rolling
-cannot be separated from slip.
+Each scan is registered to the pattern of the `ODOMETRY.memory` scans before it. Errors add up from scan to scan, and
+rolling cannot be separated from slip.
 """
 
 from __future__ import annotations
@@ -26,8 +26,20 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
-MEMORY = 4
-"""Scans that the pattern is estimated from."""
+
+@dataclass(frozen=True, slots=True)
+class _Odometry:
+    """A pattern that changes is followed from scan to scan."""
+
+    memory: int = 4
+    """Scans that the pattern is estimated from."""
+    loaded: float = 0.25
+    """The odometry begins at the first scan with this share of the largest load."""
+    misfit: float = 3.0
+    """Chi-square per reading above which a scan is unresolved."""
+
+
+ODOMETRY = _Odometry()
 CHANGES = 2.0 * COARSE
 """Error of a fit with one pattern above which the pattern changes: twice the error that fits begin with."""
 
@@ -46,11 +58,6 @@ class _Turning:
 
 
 _TURNING = _Turning()
-
-_LOADED = 0.25
-"""The odometry begins at the first scan with this share of the largest load."""
-_MISFIT = 3.0
-"""Chi-square per reading above which a scan is unresolved."""
 
 
 @dataclass(slots=True, eq=False)
@@ -71,7 +78,7 @@ def follow_changing(scanned: Scanned, pitch_m: float, *, turns: bool) -> tuple[P
     standard deviation is too large.
     """
     load = np.maximum(scanned.readings, 0.0).sum(axis=1)
-    start = int(np.argmax(load >= _LOADED * load.max()))
+    start = int(np.argmax(load >= ODOMETRY.loaded * load.max()))
     ahead = _chain(scanned.taken(slice(start, None)))
     back = _chain(scanned.taken(np.arange(start, -1, -1)))
     states, steps, misfit = (
@@ -83,7 +90,7 @@ def follow_changing(scanned: Scanned, pitch_m: float, *, turns: bool) -> tuple[P
     if turns and np.median(noise[:, 2, 2]) > _TURNING.most_std_rad**2:
         turns = False
         pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=False)
-    quality = np.where(misfit > _MISFIT, UNRESOLVED, AMBIGUOUS).astype(np.uint8)
+    quality = np.where(misfit > ODOMETRY.misfit, UNRESOLVED, AMBIGUOUS).astype(np.uint8)
     return Poses(pose, noise, quality), _moment(scanned, states, int(np.argmax(load)), turns=turns)
 
 
@@ -92,15 +99,15 @@ def _added_up(
 ) -> tuple[Floats, Floats]:
     """Poses and their covariances, which grow from scan `start` on, both ways."""
     pose, noise = to_pad(states, steps, np.zeros(2), pitch_m, turns=turns)
-    noise *= np.maximum(misfit, 1.0)[:, np.newaxis, np.newaxis] * (1.0 + 1.0 / MEMORY)
-    noise[:start] += np.cumsum(noise[start - 1 :: -1], axis=0)[::-1] / MEMORY if start else 0.0
-    noise[start + 1 :] += np.cumsum(noise[start + 1 :], axis=0) / MEMORY
+    noise *= np.maximum(misfit, 1.0)[:, np.newaxis, np.newaxis] * (1.0 + 1.0 / ODOMETRY.memory)
+    noise[:start] += np.cumsum(noise[start - 1 :: -1], axis=0)[::-1] / ODOMETRY.memory if start else 0.0
+    noise[start + 1 :] += np.cumsum(noise[start + 1 :], axis=0) / ODOMETRY.memory
     return pose, noise
 
 
 def _moment(scanned: Scanned, states: Floats, scan: int, *, turns: bool) -> Moment:
     """The pattern of a scan and those before it."""
-    which = np.arange(max(scan - MEMORY, 0), scan + 1)
+    which = np.arange(max(scan - ODOMETRY.memory, 0), scan + 1)
     few = scanned.taken(which)
     mapper = _mapper(few)
     mapper.states[:] = states[which]
@@ -112,9 +119,9 @@ def _chain(scanned: Scanned) -> tuple[Floats, Floats, Floats, float]:
     """States (scans, 5), their information (scans, 5, 5), chi-square per reading (scans,), observability of theta."""
     mapper = _mapper(scanned)
     steps, misfit, observed = np.zeros((len(scanned), STATE, STATE)), np.zeros(len(scanned)), [0.0]
-    every = max(MEMORY, len(scanned) // _TURNING.samples)
+    every = max(ODOMETRY.memory, len(scanned) // _TURNING.samples)
     for k in range(1, len(scanned)):
-        mapper.keep_last(k, MEMORY)
+        mapper.keep_last(k, ODOMETRY.memory)
         steps[k], misfit[k] = mapper.register(k)
         if k % every == 0:
             factor = mapper.information.solve(mapper.pattern)

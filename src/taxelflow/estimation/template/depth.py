@@ -31,10 +31,18 @@ if TYPE_CHECKING:
 
 DEPTH_STD = 0.1
 """Prior standard deviation of the depth, as a share of the contact's largest reading."""
-HALF_TAXEL = 0.5
-"""Half the side of a taxel, in pitches."""
-_LEVEL = 0.004
-"""Rise over half a taxel, as a share of the largest reading, below which the height is level along an axis."""
+
+
+class _Taxel(NamedTuple):
+    """The square that a taxel reads."""
+
+    half: float = 0.5
+    """Half the side of a taxel, in pitches."""
+    level: float = 0.004
+    """Rise over half a taxel, as a share of the largest reading, below which the height is level along an axis."""
+
+
+TAXEL = _Taxel()
 
 
 class _Initial(NamedTuple):
@@ -70,9 +78,9 @@ def touch(height: float, slope_x: float, slope_y: float, level: float) -> Touch:
     The mean of max(h, 0) over a square: differences of its third integral, max(h, 0)^3 / 6. level: the contact's
     largest reading.
     """
-    least = _LEVEL * level
-    flat_x, flat_y = HALF_TAXEL * abs(slope_x) < least, HALF_TAXEL * abs(slope_y) < least
-    x, y = max(HALF_TAXEL * abs(slope_x), least), max(HALF_TAXEL * abs(slope_y), least)
+    least = TAXEL.level * level
+    flat_x, flat_y = TAXEL.half * abs(slope_x) < least, TAXEL.half * abs(slope_y) < least
+    x, y = max(TAXEL.half * abs(slope_x), least), max(TAXEL.half * abs(slope_y), least)
     if height >= x + y:
         return Touch(height, 1.0, 0.0, 0.0)
     if height <= -x - y:
@@ -84,7 +92,7 @@ def touch(height: float, slope_x: float, slope_y: float, level: float) -> Touch:
     share = 3.0 * unit * (a * a - b * b - c * c + d * d)
     by_x = 0.0 if flat_x else 3.0 * unit * (a * a - b * b + c * c - d * d) - mean / x
     by_y = 0.0 if flat_y else 3.0 * unit * (a * a + b * b - c * c - d * d) - mean / y
-    return Touch(mean, share, HALF_TAXEL * by_x * np.sign(slope_x), HALF_TAXEL * by_y * np.sign(slope_y))
+    return Touch(mean, share, TAXEL.half * by_x * np.sign(slope_x), TAXEL.half * by_y * np.sign(slope_y))
 
 
 @routine

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,10 +15,18 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Bools, Floats
 
-_REACH = 1.5
-"""Knots farther than this from all readings, in knots, are extrapolated by the smoothness prior."""
-_UNLOADED = 0.1
-"""Share of the largest pressure below which a margin is unloaded."""
+
+@dataclass(frozen=True, slots=True)
+class _Margin:
+    """Where nothing was read."""
+
+    reach: float = 1.5
+    """Knots farther than this from all readings, in knots, are extrapolated by the smoothness prior."""
+    unloaded: float = 0.1
+    """Share of the largest pressure below which a margin is unloaded."""
+
+
+_MARGIN = _Margin()
 
 
 def coverage(scanned: Scanned, states: Floats) -> Floats:
@@ -51,8 +60,8 @@ def extrapolate(pattern: Pattern, scanned: Scanned, states: Floats) -> None:
     looked = coverage(scanned, states)
     least, most = looked.min(axis=0), looked.max(axis=0)
     between = (least[0] <= x) & (x <= most[0]) & ((least[1] <= y) & (y <= most[1]))[:, np.newaxis]
-    seen = between | near(looked, x, y, _REACH * pattern.lattice[0])
+    seen = between | near(looked, x, y, _MARGIN.reach * pattern.lattice[0])
     row, col = distance_transform_edt(~seen, return_distances=False, return_indices=True)
     level = pattern.coefficients[row, col]
-    unloaded = np.abs(level) < _UNLOADED * pattern.amplitude
+    unloaded = np.abs(level) < _MARGIN.unloaded * pattern.amplitude
     pattern.coefficients = np.where(unloaded, level, pattern.coefficients)

@@ -8,7 +8,7 @@ else fitted again, gains of the taxels included. If hardly more is left, the rea
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE
 from taxelflow.estimation.template.scaling import SIZE_STD
 from taxelflow.numerics.bspline import STATE, states_of
-from taxelflow.numerics.centroid import SKIRT_SHARE, pressure_centre
+from taxelflow.numerics.centroid import LOADED, pressure_centre
 from taxelflow.numerics.cut import HIDDEN, find_hidden, open_sides
 from taxelflow.runtime.compiling import kernel
 
@@ -60,11 +60,11 @@ class _Fits(NamedTuple):
     fewest: int = 4
     converged: float = 0.97
     """Fits at least, and the ratio of the errors of two fits from which more of them lower it no further."""
+    rounds: tuple[int, ...] = 3, *(2,) * 11
+    """Rounds of fits at most; gains are estimated after each but the first."""
 
 
 _FITTED = _Fits()
-_ROUNDS = 3, *(2,) * 11
-"""Rounds of fits at most; gains are estimated after each but the first."""
 
 
 class _Part(NamedTuple):
@@ -80,10 +80,19 @@ class _Part(NamedTuple):
 
 
 _PART = _Part()
-_SHOWN = 2.0
-"""Times what faults of the taxels make of a map's slopes."""
-_SAME = 0.87
-"""Cosine of directions that are tested as one."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Direction:
+    """A direction that is tested."""
+
+    shown: float = 2.0
+    """It has texture above this many times what faults of the taxels make of a map's slopes."""
+    same: float = 0.87
+    """Cosine of directions that are tested as one."""
+
+
+_DIRECTION = _Direction()
 
 
 def hidden_direction(scanned: Scanned, solved: Solved) -> Floats:
@@ -93,7 +102,7 @@ def hidden_direction(scanned: Scanned, solved: Solved) -> Floats:
     texture, by_faults = _texture(scanned, solved)
     shown = _shown_by_centre(scanned)
     for direction in _directions(texture, shown):
-        is_textured = direction @ texture @ direction > _SHOWN * by_faults
+        is_textured = direction @ texture @ direction > _DIRECTION.shown * by_faults
         if not is_textured or not _is_determined(scanned, solved, direction):
             return direction
     return np.zeros(2)
@@ -106,7 +115,7 @@ def _directions(texture: Floats, shown: Floats) -> list[Floats]:
     least_shown = np.linalg.svd(shown)[2][1]
     least_textured = np.linalg.eigh(texture)[1][:, 0]
     hidden = [d for d in (least_textured, least_shown) if np.linalg.norm(shown @ d) < HIDDEN]
-    return hidden[:1] if abs(least_textured @ least_shown) > _SAME else hidden
+    return hidden[:1] if abs(least_textured @ least_shown) > _DIRECTION.same else hidden
 
 
 def shown_at_rest(scanned: Scanned) -> bool:
@@ -228,13 +237,13 @@ def _left_along(
     precision[0] = np.inf
     off, gains = min(_FITTED.gain * scanned.unseen_error, _FITTED.most_gain), np.ones(scanned.readings.shape[1])
     now = along
-    for k, rounds in enumerate(_ROUNDS):
+    for k, rounds in enumerate(_FITTED.rounds):
         before = error
         fit = refine(pattern, now, states, rounds=rounds, error=error, precision=precision)
         error = learned_error(fit, now)
         if error <= most or (k == 0 and error - off * _rms(along) > most > 0.0):
             break
-        at_last = error - (before - error) * (len(_ROUNDS) - 1 - k)  # at the present pace, which slows down
+        at_last = error - (before - error) * (len(_FITTED.rounds) - 1 - k)  # at the present pace, which slows down
         if k + 1 >= _FITTED.fewest and (error > _FITTED.converged * before or at_last > most > 0.0):
             break
         if k > 0:
@@ -251,7 +260,7 @@ def _rms(scanned: Scanned) -> float:
 
 def _gains(scanned: Scanned, fit: Fit) -> Floats:
     """(taxels,), by which the readings of each are larger than the fit's."""
-    seen = (fit.weight > 0) & (fit.model > SKIRT_SHARE * scanned.amplitude)
+    seen = (fit.weight > 0) & (fit.model > LOADED.skirt * scanned.amplitude)
     model = np.where(seen, fit.model, 0.0)
     squares = np.sum(model**2, axis=0)
     off = np.sum(model * (scanned.readings - fit.model), axis=0) / np.where(squares > 0, squares, 1.0)

@@ -10,7 +10,7 @@ import numpy as np
 from taxelflow.estimation.template.bundle_adjustment import refine
 from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
 from taxelflow.estimation.template.linearization import pack_scan
-from taxelflow.estimation.template.map import BEYOND, MARGIN, MOST_KNOTS, SPACING, MapInformation, Pattern
+from taxelflow.estimation.template.map import BEYOND, LATTICE, MapInformation, Pattern
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.numerics.bspline import STATE, in_object, pose_part, state_of, states_of
 from taxelflow.numerics.robust import CHEAPER
@@ -169,9 +169,9 @@ class IncrementalMapper:
         near = _SCHEDULE.near_border
         if (places.min(axis=0) - near >= low).all() and (places.max(axis=0) + near <= high).all():
             return
-        covered = np.vstack([low + MARGIN, high - MARGIN, places])
-        knots = (np.ptp(covered, axis=0) + 2 * MARGIN) / SPACING + 2 * BEYOND + 1
-        if np.prod(knots) > MOST_KNOTS:
+        covered = np.vstack([low + LATTICE.margin, high - LATTICE.margin, places])
+        knots = (np.ptp(covered, axis=0) + 2 * LATTICE.margin) / LATTICE.spacing + 2 * BEYOND + 1
+        if np.prod(knots) > LATTICE.most_knots:
             return
         smoothing = self.pattern.smoothing
         self.pattern = Pattern.covering(covered, self.scanned.amplitude)

@@ -13,9 +13,18 @@ from taxelflow.numerics.bspline import STATE, State, put, state_of
 from taxelflow.numerics.small_linalg import factor5, mirror, solved5
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
-_ENOUGH = 1e-2
-"""A step that lowers chi-square by less is the last, and is not evaluated: it is a tenth of a standard deviation, and
-the next one would be about a hundredth of that."""
+
+class _Step(NamedTuple):
+    """Steps, and when they end."""
+
+    enough: float = 1e-2
+    """A step that lowers chi-square by less is the last, and is not evaluated: it is a tenth of a standard deviation,
+    and the next one would be about a hundredth of that."""
+    least_gain: float = 0.1
+    """Least ratio of the gain after a step to that before."""
+
+
+_STEP = _Step()
 HELD = 1e12
 """Prior information of a component of the state that is held at its prior."""
 FREE = 1e-6
@@ -24,8 +33,6 @@ MAY_BE_HELD = tuple(part for part, name in enumerate(State._fields) if name != "
 """Components of the state that may be held."""
 ROOM = STATE + 4
 """Rows of five numbers that a registration needs as workspace: a matrix and four vectors."""
-_LEAST_GAIN = 0.1
-"""Least ratio of the gain after a step to that before."""
 
 
 class _Damping(NamedTuple):
@@ -94,7 +101,7 @@ def refine_state(
                 kept[a], best_right[a] = state[a], right[a]
             copy_lower(normal, information)
             damping = max(damping * 0.2, _DAMPING.least)
-            if gained < _ENOUGH:
+            if gained < _STEP.enough:
                 break
         else:
             damping = max(damping * 20.0, 1e-3)
@@ -110,8 +117,9 @@ def refine_state(
             lowered += step[a] * best_right[a]
             state[a] = kept[a] + step[a]
         x, y, theta, gain, size = state_of(state)
-        put(State(x, y, theta, max(gain, _LEAST_GAIN * state_of(kept).gain), size), state)  # pressure does not pull
-        if lowered < _ENOUGH:
+        gain = max(gain, _STEP.least_gain * state_of(kept).gain)  # pressure does not pull
+        put(State(x, y, theta, gain, size), state)
+        if lowered < _STEP.enough:
             best -= lowered
             for a in range(STATE):
                 kept[a] = state[a]

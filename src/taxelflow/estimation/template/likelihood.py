@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taxelflow.estimation.template.depth import DEPTH_STD
 from taxelflow.estimation.template.observations import COARSE
-from taxelflow.numerics.centroid import SKIRT_SHARE
+from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.robust import OUTLIER
 
 if TYPE_CHECKING:
@@ -17,8 +18,17 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
 
-_LEAST, _MOST = 1e-3, 0.5
-"""Bounds of the error learned, as shares of the largest reading; every known sensor has more noise than the first."""
+
+@dataclass(frozen=True, slots=True)
+class _Learned:
+    """The error that is learned from what a fit leaves, as a share of the largest reading."""
+
+    least: float = 1e-3
+    """Every known sensor has more noise."""
+    most: float = 0.5
+
+
+_LEARNED = _Learned()
 FEWEST = 2
 """Readings per parameter, at least: in the logarithm of its cost, and of a fit whose error they show."""
 
@@ -26,14 +36,14 @@ FEWEST = 2
 def learned_error(fit: Fit, scanned: Scanned) -> float:
     """Error of a reading, as a share of its contact's largest, that the residuals in the contact significantly show."""
     level = scanned.amplitude
-    within = (fit.weight > 0) & (np.maximum(fit.model, scanned.readings) > SKIRT_SHARE * level)
+    within = (fit.weight > 0) & (np.maximum(fit.model, scanned.readings) > LOADED.skirt * level)
     squared, variance = fit.residual[within] ** 2, scanned.variance[within]
     wanted = fit.freedom * len(squared) + float(np.sqrt(2.0 * len(squared)))  # what noise may make of chi-square
 
     def excess(share: float) -> float:
         return float(np.minimum(squared / (variance + (share * level) ** 2), OUTLIER).sum()) - wanted
 
-    low, high = _LEAST, _MOST
+    low, high = _LEARNED.least, _LEARNED.most
     if not len(squared) or excess(low) <= 0:
         return low
     for _ in range(30):  # halvings, to a relative error below 1e-8

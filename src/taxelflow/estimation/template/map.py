@@ -16,16 +16,38 @@ from taxelflow.runtime.compiling import long_kernel
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
 
-SPACING = 0.5
-"""Distance of the knots, in pitches."""
-MARGIN = 1.5
-"""Pitches around the loaded taxels that a pattern covers."""
-MOST_KNOTS = 40_000
-"""Knots of a surface at most: bounds memory and time, also if registration fails."""
+
+class _Lattice(NamedTuple):
+    """The lattice of a map."""
+
+    spacing: float = 0.5
+    """Distance of the knots, in pitches."""
+    margin: float = 1.5
+    """Pitches around the loaded taxels that a pattern covers."""
+    most_knots: int = 40_000
+    """Knots of a surface at most: bounds memory and time, also if registration fails."""
+
+
+LATTICE = _Lattice()
 BEYOND = WIDTH - 1
 """Knots beyond that, which the spline needs."""
-_ROUGH_PRIOR = 0.12
-"""Expected second difference over half a pitch, relative to the largest pressure."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Smoothing:
+    """How the smoothing of a map is learned."""
+
+    roughness: float = 0.12
+    """Expected second difference over half a pitch, relative to the largest pressure."""
+    most_step: float = 5.0
+    """Largest factor by which the smoothing changes in a round."""
+    most: float = 1e3
+    """Largest smoothing, over that a priori."""
+    error: float = 0.02
+    """Error, as a share of the largest reading, above which a pattern is at least as smooth as a priori."""
+
+
+_SMOOTHING = _Smoothing()
 
 
 class Surface(NamedTuple):
@@ -54,10 +76,10 @@ class Pattern:
     def covering(cls, places: Floats, amplitude: float) -> Pattern:
         """A pattern of zeros over places (n, 2) that the object loads, and a margin around them."""
         places = places if len(places) else np.zeros((1, 2))
-        low, high = places.min(axis=0) - MARGIN, places.max(axis=0) + MARGIN
-        count = np.ceil((high - low) / SPACING).astype(int) + 2 * BEYOND + 1
+        low, high = places.min(axis=0) - LATTICE.margin, places.max(axis=0) + LATTICE.margin
+        count = np.ceil((high - low) / LATTICE.spacing).astype(int) + 2 * BEYOND + 1
         shape = (int(count[1]), int(count[0]))
-        lattice = np.array([SPACING, low[0] - BEYOND * SPACING, low[1] - BEYOND * SPACING])
+        lattice = np.array([LATTICE.spacing, low[0] - BEYOND * LATTICE.spacing, low[1] - BEYOND * LATTICE.spacing])
         pattern = cls(lattice, np.zeros(shape), amplitude, np.full(shape, amplitude**2), 1.0)
         pattern.smoothing = pattern.usual_smoothing
         return pattern
@@ -70,7 +92,19 @@ class Pattern:
     @property
     def usual_smoothing(self) -> float:
         """Smoothing a priori."""
-        return float((_ROUGH_PRIOR * self.amplitude) ** -2)
+        return float((_SMOOTHING.roughness * self.amplitude) ** -2)
+
+    def learn_smoothing(self, bending: float, error: float) -> None:
+        """As much smoothing as the pattern's own bending suggests, its squared second differences, in bounded steps.
+
+        At least the usual where the error is large, as the pattern must not explain what poses do not; less as it
+        shrinks.
+        """
+        wanted = 0.5 * self.coefficients.size / max(bending, 1e-300)
+        low, high = self.smoothing / _SMOOTHING.most_step, self.smoothing * _SMOOTHING.most_step
+        usual = self.usual_smoothing
+        least = usual * min(error / _SMOOTHING.error, 1.0) ** 2
+        self.smoothing = float(np.clip(np.clip(wanted, low, high), least, usual * _SMOOTHING.most))
 
     @property
     def shape(self) -> tuple[int, int]:

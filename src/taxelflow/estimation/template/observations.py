@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import pose_part
-from taxelflow.numerics.centroid import LOADED_SIGMAS, SKIRT_SHARE
+from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.clock import ROUNDING_S
 from taxelflow.numerics.cut import IN_LINE
 from taxelflow.numerics.rounding import SIGNIFICANT
@@ -199,7 +199,7 @@ class Scanned:
 
     def loaded(self) -> NDArray[np.bool_]:
         """(scans, taxels), readings that the object surely makes."""
-        floor = np.maximum(LOADED_SIGMAS * np.sqrt(self.variance), SKIRT_SHARE * self.amplitude)
+        floor = np.maximum(LOADED.sigmas * np.sqrt(self.variance), LOADED.skirt * self.amplitude)
         sure: NDArray[np.bool_] = (self.readings > floor) & (self.variance > 0)
         return sure
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.likelihood import FEWEST, cost
-from taxelflow.numerics.centroid import SKIRT_SHARE
+from taxelflow.numerics.centroid import LOADED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -78,7 +78,7 @@ def with_gains(scanned: Scanned, solved: Solved, refined: Callable[[Scanned, Sol
 def _estimated(scanned: Scanned, solved: Solved, before: Floats, spread: float) -> Gains:
     """The gains with which the model of a fit explains the readings best; before: (taxels,), those in the fit."""
     fit, level = solved.fit, scanned.amplitude
-    seen = (fit.weight > 0) & (fit.model > SKIRT_SHARE * level) & (scanned.readings < scanned.ceiling)
+    seen = (fit.weight > 0) & (fit.model > LOADED.skirt * level) & (scanned.readings < scanned.ceiling)
     model = np.where(seen, fit.model, 0.0)
     variance = np.where(scanned.variance > 0, scanned.variance + (solved.error * level * before) ** 2, np.inf)
     shown = np.sum(model**2 / variance, axis=0)

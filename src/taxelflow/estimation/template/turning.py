@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,10 +18,18 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Floats
 
-_MOST = 0.9
-"""An object has not turned if this share of its angles is insignificant."""
-_STEADY = 12.0
-"""Scans per parameter of an angle that changes smoothly."""
+
+@dataclass(frozen=True, slots=True)
+class _Angle:
+    """An angle that is constant, or changes smoothly."""
+
+    insignificant: float = 0.9
+    """An object has not turned if this share of its angles is insignificant."""
+    steady: float = 12.0
+    """Scans per parameter of an angle that changes smoothly."""
+
+
+_ANGLE = _Angle()
 UNCONVERGED = 1.0
 """Cost per scan by which two fits may differ because they have not fully converged."""
 
@@ -57,7 +65,7 @@ def turns_surely(free: Solved, scanned: Scanned) -> bool:
 
 
 def turns_steadily(free: Solved, held: Solved, scanned: Scanned) -> bool:
-    """Whether the free fit is better if a smooth angle is penalised as one parameter per `_STEADY` scans.
+    """Whether the free fit is better if a smooth angle is penalised as one parameter per `_ANGLE.steady` scans.
 
     For patterns of heights only: their texture determines an angle, and they explain a part of what a rotation does.
     """
@@ -65,7 +73,7 @@ def turns_steadily(free: Solved, held: Solved, scanned: Scanned) -> bool:
         return False
     readings, scans = float(np.count_nonzero(touched(scanned))), len(scanned)
     saved = scans * float(np.log(max(readings / scans, FEWEST))) - scans  # each angle explains some noise, too
-    few = scans / _STEADY * float(np.log(max(readings, FEWEST)))
+    few = scans / _ANGLE.steady * float(np.log(max(readings, FEWEST)))
     return cost(free, scanned) - saved + few < cost(held, scanned)
 
 
@@ -81,7 +89,7 @@ def keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
     """Whether the angle of a free fit is observable and constant; a pattern of noise makes any angle look constant."""
     variance, theta = _variances_of(free.fit.information).theta, states_of(free.states).theta
     theta = theta - np.median(theta)
-    return bool(np.quantile(theta**2 / variance, _MOST) < SIGNIFICANT**2) and turns_surely(free, scanned)
+    return bool(np.quantile(theta**2 / variance, _ANGLE.insignificant) < SIGNIFICANT**2) and turns_surely(free, scanned)
 
 
 def _most_informed(free: Solved) -> int:

@@ -27,11 +27,17 @@ from taxelflow.numerics.records import Records
 from taxelflow.numerics.se3 import compose, copy_matrix, count_true
 from taxelflow.runtime.compiling import kernel, routine
 
-_ATTEMPTS = 3
-"""Smooth contacts are taken as those of a round object, then as knobs on its surface, then as round again if the knobs
-were not better."""
-_PROOF = 50.0
-"""Chi-square by which knobs must be better: errors of several standard deviations occur without them."""
+
+class _Knobs(NamedTuple):
+    """Smooth contacts: those of a round object, or knobs on its surface."""
+
+    attempts: int = 3
+    """They are taken as of a round object, then as knobs, then as round again if the knobs were not better."""
+    proof: float = 50.0
+    """Chi-square by which knobs must be better: errors of several standard deviations occur without them."""
+
+
+_KNOBS = _Knobs()
 
 
 class Moving(NamedTuple):
@@ -95,7 +101,7 @@ def fuse_scans(
         usual, under, was = usual_misfit(memory.misfits[0]), np.empty((pads, 3)), np.empty((pads, 3))
         copy_matrix(seen.under[scan], under)
         deepest = verdict = Verdict(0, 0.0, 0.0, False, 0)
-        for attempt in range(_ATTEMPTS):
+        for attempt in range(_KNOBS.attempts):
             if window_s > 0.0:
                 rates(seen, scan, window_s, own)
             verdict = twist_step(row, own, usual, moving, limits, contacts, solution)
@@ -149,8 +155,8 @@ def another(attempt: int, verdict: Verdict, first: Verdict, usual: float, deep: 
         scatter = 1.0 / usual
         if verdict.freedom > 0.0:
             scatter = max(scatter, verdict.chi2 / verdict.freedom)
-        proof = first.chi2 - verdict.chi2 + 2.0 * _PROOF * scatter * (first.blamed - verdict.blamed)
-        if proof < _PROOF * scatter:
+        proof = first.chi2 - verdict.chi2 + 2.0 * _KNOBS.proof * scatter * (first.blamed - verdict.blamed)
+        if proof < _KNOBS.proof * scatter:
             copy_matrix(deep, under)
             return True
     return False
@@ -250,7 +256,7 @@ def pose_step(
         copy_matrix(body.pose, before)
         copy_matrix(seen.under[scan], under)
         deepest = verdict = Verdict(0, 0.0, 0.0, False, 0)
-        for attempt in range(_ATTEMPTS):
+        for attempt in range(_KNOBS.attempts):
             copy_matrix(before, body.pose)
             verdict = fit_pose(seen, scan, doubts, limits, contacts, solution, memory.anchors, body)
             if attempt == 0:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import ExtraMissing
-from taxelflow.fusion.observability import BLIND_M_S
+from taxelflow.fusion.observability import BLIND
 from taxelflow.numerics.rounding import BLIND_M
 from taxelflow.runtime.checks import not_negative, positive
 
@@ -22,7 +22,7 @@ class SpatialField:
 
     window_s: float = 0.25
     """Window of the twist, s: a straight line through the poses of each contact. 0: displacements of single scans."""
-    blind_m_s: float = BLIND_M_S
+    blind_m_s: float = BLIND.m_s
     """Standard deviation of the twist beyond which a direction is not observable, m/s (turns: times `length_m`)."""
     blind_m: float = BLIND_M
     """Standard deviation of the pose beyond which a direction is not observable, m (turns: times `length_m`)."""

@@ -15,6 +15,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri, ndtri
 
 from taxelflow.fusion.spatial.solve import Contacts, Solution, solve
 from taxelflow.messages import Floats
@@ -22,10 +23,12 @@ from taxelflow.numerics.se3 import carried
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
 from taxelflow.runtime.compiling import lean_kernel, routine
 
-_SIGMAS = 3.09
-"""Normal deviate of 99.9 %: the quantile of chi-square, and of F, beyond which contacts contradict each other."""
-_CLEARLY = 10.8
-"""Difference of chi-square between the two best contacts to leave out: 99.9 % point of one degree of freedom."""
+_AGREE = 0.999
+"""Probability with which contacts that agree stay below the limits of chi-square and of F."""
+_SIGMAS = float(ndtri(_AGREE))
+"""Its normal deviate, of which both limits are made."""
+_CLEARLY = float(chdtri(1.0, 1.0 - _AGREE))
+"""Difference of chi-square, of one degree of freedom, between the two best contacts to leave out."""
 
 
 class Verdict(NamedTuple):
@@ -42,7 +45,7 @@ class Verdict(NamedTuple):
 
 @lean_kernel
 def most_chi2(freedom: float) -> float:
-    """The 99.9 % quantile of chi-square, by the cube-root approximation of Wilson & Hilferty (1931)."""
+    """The quantile of chi-square for `_AGREE`, by the cube-root approximation of Wilson & Hilferty (1931)."""
     spread = 2.0 / (9.0 * freedom)
     root: float = 1.0 - spread + _SIGMAS * np.sqrt(spread)
     return freedom * root * root * root

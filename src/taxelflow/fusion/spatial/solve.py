@@ -75,7 +75,7 @@ def room(pads: int, joints: int) -> Solution:
 
 @routine
 def solve(contacts: Contacts, limit: float, out: Solution) -> int:
-    """Fill the solution; its rank. Directions whose standard deviation exceeds `limit` are 0, with that of BLIND."""
+    """Fill the solution; its rank. Directions whose standard deviation exceeds `limit` are 0, with that of `BLIND`."""
     out.normal[:] = 0.0
     out.right[:] = 0.0
     out.joints[:] = 0.0
@@ -95,7 +95,7 @@ def solve(contacts: Contacts, limit: float, out: Solution) -> int:
     out.covariance[:] = 0.0
     for d in range(6):
         seen = out.values[d] * limit * limit > 1.0
-        variance, along = (BLIND * limit) ** 2, 0.0
+        variance, along = (BLIND.far * limit) ** 2, 0.0
         if seen:
             rank += 1
             variance = 1.0 / out.values[d]

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from taxelflow.fusion.misfit import LEAST_FREEDOM, MEMORY
+from taxelflow.fusion.misfit import MISFIT
 from taxelflow.fusion.spatial.robust import Verdict, solve_robustly
 from taxelflow.fusion.spatial.solve import Contacts, Solution
 from taxelflow.messages import Bools, Floats
@@ -161,7 +161,7 @@ def unscale(solution: Solution, verdict: Verdict, centre: Floats, length_m: floa
 @lean_kernel
 def usual_misfit(past: Misfit) -> float:
     """Reduced chi-square of the last scans, at least 1: by how much the contacts' covariances are too small."""
-    return max(1.0, past.chi2 / past.freedom) if past.freedom > LEAST_FREEDOM else 1.0
+    return max(1.0, past.chi2 / past.freedom) if past.freedom > MISFIT.least_freedom else 1.0
 
 
 @lean_kernel
@@ -177,8 +177,8 @@ def doubt_all(contacts: Contacts, usual: float) -> None:
 def widen(past: Misfit, usual: float, verdict: Verdict, out: Sixfold) -> None:
     """Remember a scan's misfit, whose covariance allows for the usual one, and widen by what has come to it since."""
     if verdict.freedom > 0.0:
-        past.chi2 = MEMORY * past.chi2 + usual * verdict.chi2
-        past.freedom = MEMORY * past.freedom + verdict.freedom
+        past.chi2 = MISFIT.memory * past.chi2 + usual * verdict.chi2
+        past.freedom = MISFIT.memory * past.freedom + verdict.freedom
     factor = usual_misfit(past) / usual
     if verdict.contradicted:
         factor = max(factor, verdict.chi2 / verdict.freedom)

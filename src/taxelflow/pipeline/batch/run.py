@@ -25,10 +25,19 @@ if TYPE_CHECKING:
 MANIFEST, SETTINGS = "manifest.csv", "batch.json"
 _MOST_FAULTS = 20
 """Faults in a row after which the cluster is taken to be broken."""
-_MOST_LISTED = 10
-"""Failures and differences that are printed at most."""
-_MOST_SHOWN = 80
-"""Characters of a setting that are printed at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Printed:
+    """What is printed at most."""
+
+    listed: int = 10
+    """Failures and differences."""
+    characters: int = 80
+    """Characters of a setting."""
+
+
+_PRINTED = _Printed()
 
 
 @dataclass
@@ -68,8 +77,8 @@ class Report:
 
     def complaints(self) -> list[str]:
         """A line for each of the first failures, and how many there are more."""
-        listed = [f"failed: {row.recording}: {row.message}" for row in self.failed[:_MOST_LISTED]]
-        if (more := len(self.failed) - _MOST_LISTED) > 0:
+        listed = [f"failed: {row.recording}: {row.message}" for row in self.failed[: _PRINTED.listed]]
+        if (more := len(self.failed) - _PRINTED.listed) > 0:
             listed.append(f"{more} more failed: see {self.directory / MANIFEST}")
         return listed
 
@@ -133,7 +142,7 @@ def _check_settings(out: Path, settings: Settings, *, fresh: bool) -> None:
     if not fresh and file.exists():
         unlike = list(_unlike(msgspec.json.decode(file.read_bytes()), msgspec.json.decode(asked)))
         if unlike:
-            raise BatchUnlike(out, ", ".join(unlike[:_MOST_LISTED]))
+            raise BatchUnlike(out, ", ".join(unlike[: _PRINTED.listed]))
         return
     with whole_file(file) as part:
         part.write_bytes(asked)
@@ -154,7 +163,7 @@ def _short(value: Any) -> str:
     if isinstance(value, dict) and "name" in value:
         value = value["name"]
     text = repr(value)
-    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
+    return text if len(text) <= _PRINTED.characters else f"{text[: _PRINTED.characters]}..."
 
 
 def _estimate(

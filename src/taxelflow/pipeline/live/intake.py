@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,10 +20,18 @@ if TYPE_CHECKING:
     from taxelflow.acquire.devices.base import Arrival, Source
     from taxelflow.pipeline.live.workers import SinkWorker
 
-_MOST_WAITING = 4096
-"""Scans that may wait for the estimate; then a patient source waits, and of another one the oldest are dropped."""
-_MOST_TAKEN = 16
-"""Scans that are estimated in one step, at most, before sinks are woken: threads that wake delay the estimate."""
+
+@dataclass(frozen=True, slots=True)
+class _Intake:
+    """Scans on their way to the estimate."""
+
+    waiting: int = 4096
+    """Scans that may wait for the estimate; then a patient source waits, and of another one the oldest are dropped."""
+    taken: int = 16
+    """Scans that are estimated in one step, at most, before sinks are woken: threads that wake delay the estimate."""
+
+
+_INTAKE = _Intake()
 
 
 class Placed:
@@ -91,7 +100,7 @@ class Intake(threading.Thread):
                 self._come.wait(POLL_S)
             if not self._waiting:
                 return None if self._done else []
-            taken = [self._waiting.popleft() for _ in range(min(len(self._waiting), _MOST_TAKEN))]
+            taken = [self._waiting.popleft() for _ in range(min(len(self._waiting), _INTAKE.taken))]
             self._come.notify()
             return taken
 
@@ -137,9 +146,9 @@ class Intake(threading.Thread):
 
     def _put(self, placed: Placed) -> None:
         with self._come:
-            while len(self._waiting) >= _MOST_WAITING and self._source.patient and not self._stop_asked.is_set():
+            while len(self._waiting) >= _INTAKE.waiting and self._source.patient and not self._stop_asked.is_set():
                 self._come.wait(POLL_S)
-            if len(self._waiting) >= _MOST_WAITING:
+            if len(self._waiting) >= _INTAKE.waiting:
                 if not self.overrun:
                     self._source.faults.report("the estimate is too slow", "the oldest scans are dropped")
                 self.overrun += 1

@@ -36,10 +36,19 @@ if TYPE_CHECKING:
 
 _COUNTED = 16
 """Scans that are counted into the summary at once."""
-_SEEN_EVENTS = 6
-"""Latest events that the screen shows."""
-_WATCH_S = 0.2
-"""Time between two updates of the screen."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Screen:
+    """What the screen shows."""
+
+    events: int = 6
+    """Latest events that the screen shows."""
+    every_s: float = 0.2
+    """Time between two updates of the screen."""
+
+
+_SCREEN = _Screen()
 
 
 @dataclass(frozen=True)
@@ -64,7 +73,7 @@ class Report:
     pads: tuple[str, ...]
     began_s: float = field(default_factory=time.monotonic)
     latest: Update | None = None
-    events: deque[Event] = field(default_factory=lambda: deque(maxlen=_SEEN_EVENTS))
+    events: deque[Event] = field(default_factory=lambda: deque(maxlen=_SCREEN.events))
     estimated: Latencies = field(default_factory=Latencies)
     repeated: int = 0
 
@@ -136,7 +145,7 @@ def _follow(
             stop.set()
         if report.workers and all(worker.ended for worker in report.workers):  # nobody reads any more
             stop.set()
-        if watch is not None and now - watched_s >= _WATCH_S:
+        if watch is not None and now - watched_s >= _SCREEN.every_s:
             watch(report)
             watched_s = now
 

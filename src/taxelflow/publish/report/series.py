@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import zlib
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +15,18 @@ import numpy as np
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
-LOG_STEP, LOG_UNIT = 1.05, 1e-7
-"""Standard deviations are rounded to a power of 1.05, in units of 1e-7 (m or rad)."""
+
+@dataclass(frozen=True, slots=True)
+class _Log:
+    """Standard deviations are rounded to powers."""
+
+    step: float = 1.05
+    """Ratio of two levels."""
+    unit: float = 1e-7
+    """Level 0, m or rad."""
+
+
+LOG = _Log()
 
 
 def binned(values: Floats, width: int) -> tuple[Floats, Floats]:
@@ -44,8 +55,8 @@ class Packer:
     def add_log(self, values: Floats) -> int:
         """Values (n,) of 0 or more, rounded to 2.5 %."""
         known = np.isfinite(values)
-        exponent = np.log(np.maximum(values[known], LOG_UNIT) / LOG_UNIT) / np.log(LOG_STEP)
-        return self._add(np.round(exponent).astype(np.int64), known, {"log": [LOG_STEP, LOG_UNIT]})
+        exponent = np.log(np.maximum(values[known], LOG.unit) / LOG.unit) / np.log(LOG.step)
+        return self._add(np.round(exponent).astype(np.int64), known, {"log": [LOG.step, LOG.unit]})
 
     def _add(self, numbers: np.ndarray, known: Bools, head: dict[str, Any]) -> int:
         """Differences, without sign, byte plane by byte plane: most high bytes are 0 and vanish in the compression."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from taxelflow.errors import ExtraMissing, SinkUnusable
@@ -16,10 +17,18 @@ if TYPE_CHECKING:
     from taxelflow.publish.sinks.base import Ending, Head, Update
     from taxelflow.runtime.addresses import Address
 
-_PORT = 8765
-"""Default port of Foxglove."""
-_BACKLOG = 256
-"""Messages held for a client that does not read; the oldest are dropped for it."""
+
+@dataclass(frozen=True, slots=True)
+class _Server:
+    """The server of Foxglove."""
+
+    port: int = 8765
+    """Default port of Foxglove."""
+    backlog: int = 256
+    """Messages held for a client that does not read; the oldest are dropped for it."""
+
+
+_SERVER = _Server()
 
 
 class FoxgloveServer:
@@ -58,7 +67,11 @@ class FoxgloveServer:
         }
         try:
             self._server = foxglove.start_server(
-                name="taxelflow", host=self._host, port=self._port, context=context, message_backlog_size=_BACKLOG
+                name="taxelflow",
+                host=self._host,
+                port=self._port,
+                context=context,
+                message_backlog_size=_SERVER.backlog,
             )
         except (RuntimeError, OSError) as error:
             raise SinkUnusable(f"foxglove://{authority(self._host, self._port)}", str(error)) from error
@@ -105,4 +118,4 @@ def _known(values: dict[str, Any]) -> dict[str, Any]:
 def listen(address: Address) -> FoxgloveServer:
     """`foxglove://HOST:PORT`. Raises AddressInvalid, ExtraMissing."""
     address.check_options(())
-    return FoxgloveServer(address.host or "127.0.0.1", _PORT if address.port is None else address.port)
+    return FoxgloveServer(address.host or "127.0.0.1", _SERVER.port if address.port is None else address.port)

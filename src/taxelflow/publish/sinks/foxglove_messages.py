@@ -6,6 +6,7 @@ place in it stand in a row beside it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -24,10 +25,19 @@ if TYPE_CHECKING:
     from taxelflow.sensors.sensor import Sensor
 
 _FRAME = "hand"
-_ARROW_S = 0.2
-"""An arrow is as long as the object's path in this time."""
-_SHORTEST_M = 1e-4
-"""Length below which an arrow is not drawn."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Arrow:
+    """An arrow along the object's path."""
+
+    path_s: float = 0.2
+    """An arrow is as long as the object's path in this time."""
+    shortest_m: float = 1e-4
+    """Length below which an arrow is not drawn."""
+
+
+_ARROW = _Arrow()
 _FLOAT = np.dtype(np.float32).itemsize
 """Bytes of a number."""
 
@@ -99,8 +109,8 @@ class Drawing:
         velocity, place = update.output.slips.velocity[-1], update.output.contacts.centroid[-1]
         arrows = []
         for pad in range(layout.pad_count):
-            length = _ARROW_S * float(np.hypot(*velocity[pad, :2]))
-            if not length >= _SHORTEST_M or not np.isfinite(place[pad]).all():
+            length = _ARROW.path_s * float(np.hypot(*velocity[pad, :2]))
+            if not length >= _ARROW.shortest_m or not np.isfinite(place[pad]).all():
                 continue
             x, y = transform(self._place[pad], place[pad]).tolist()
             turn = float(np.arctan2(velocity[pad, 1], velocity[pad, 0]) + self._place[pad, 2])

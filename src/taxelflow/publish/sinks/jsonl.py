@@ -7,6 +7,7 @@ import logging
 import time
 from collections import deque
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,10 +25,19 @@ if TYPE_CHECKING:
 
 _MOST_WAITING = 1 << 20
 """Bytes held for a client that does not read; lines that would be more are dropped."""
-_MOST_CLIENTS = 64
-"""Clients at a time: each is a file of the process, of which a system allows some hundreds."""
-_LINGER_S = 1.0
-"""Time for the last lines to reach clients at the end."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Clients:
+    """Clients of a sink."""
+
+    most: int = 64
+    """Clients at a time: each is a file of the process, of which a system allows some hundreds."""
+    linger_s: float = 1.0
+    """Time for the last lines to reach clients at the end."""
+
+
+_CLIENTS = _Clients()
 _STDOUT = 1
 """Descriptor of standard output."""
 
@@ -153,7 +163,7 @@ class JsonServer(ResultSink):
 
     def close(self, _ending: Ending) -> None:
         """See `Sink`."""
-        until = time.monotonic() + _LINGER_S
+        until = time.monotonic() + _CLIENTS.linger_s
         while any(client.waiting_bytes for client in self._clients) and time.monotonic() < until:
             self._send()
             time.sleep(0.01)
@@ -165,11 +175,11 @@ class JsonServer(ResultSink):
         with suppress(OSError):  # nobody waits, or who did has gone
             while True:
                 connected = self._server.accept()[0]
-                if len(self._clients) < _MOST_CLIENTS:
+                if len(self._clients) < _CLIENTS.most:
                     self._clients.append(_Client(connected))
                 else:
                     connected.close()
-                    self._report("a client is refused", f"{_MOST_CLIENTS} are connected")
+                    self._report("a client is refused", f"{_CLIENTS.most} are connected")
 
     def _send(self) -> None:
         for client in list(self._clients):

@@ -22,8 +22,17 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Event, Floats, LearnedPattern, Motions, Slips, SpatialMotions
 
 
-_CHUNK, _TOGETHER = 256, 32
-"""Scans of a chunk at most, if they come one by one, and blocks that are joined at a time."""
+@dataclass(frozen=True, slots=True)
+class _Chunk:
+    """Chunks of scans."""
+
+    scans: int = 256
+    """At most, if they come one by one."""
+    blocks: int = 32
+    """Blocks that are joined at a time."""
+
+
+_CHUNK = _Chunk()
 
 
 class Results(NamedTuple):
@@ -74,10 +83,10 @@ class _Chunks(Generic[Block]):
     def read(self, keep_s: float) -> list[Block]:
         """All blocks, without those that are older than keep_s before the last scan."""
         count = sum(map(self._count, self._new))
-        if len(self._new) >= _TOGETHER or count >= _CHUNK:
+        if len(self._new) >= _CHUNK.blocks or count >= _CHUNK.scans:
             tail, self._new = self._new, []
             longest_s = keep_s / 4
-            while self._blocks and (more := self._count(self._blocks[-1])) <= count and count + more <= _CHUNK:
+            while self._blocks and (more := self._count(self._blocks[-1])) <= count and count + more <= _CHUNK.scans:
                 if self._times(tail[-1])[-1] - self._times(self._blocks[-1])[0] > longest_s:
                     break
                 tail.insert(0, self._blocks.pop())

@@ -22,8 +22,18 @@ if TYPE_CHECKING:
     from taxelflow.simulation.relief.parameters import Shape
 
 Moved = Literal["hold", "slide", "turn", "slide-turn"]
-_HEX_RINGS, _HEX_PITCH_M = 6, 3e-3
-"""Rings and pitch of the hexagonal pad."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Hex:
+    """The hexagonal pad."""
+
+    rings: int = 6
+    pitch_m: float = 3e-3
+    """Rings of taxels around the middle, and their pitch."""
+
+
+_HEX = _Hex()
 _FULL_SCALE_KPA = SensorFaults.full_scale_pa / 1e3
 _LARGE = {"handle": 2.2, "fine-handle": 2.2, "letters": 1.5, "cloth": 2.2, "bar": 1.6}
 """Size of objects that a pad cannot hold whole, over that of those that it can."""
@@ -60,10 +70,10 @@ def sensor_at(place: Place) -> Sensor:
     if place.sensor != "hexagon":
         sensor = load_sensor(place.sensor)
         return sensor if sensor.unit != "kPa" else msgspec.structs.replace(sensor, full_scale=_FULL_SCALE_KPA)
-    rings = range(-_HEX_RINGS, _HEX_RINGS + 1)
-    cells = [(q, r) for r in rings for q in rings if abs(q + r) <= _HEX_RINGS]
-    places = tuple((_HEX_PITCH_M * (q + r / 2), -_HEX_PITCH_M * float(np.sqrt(0.75)) * r) for q, r in cells)
-    area_m2 = float(np.sqrt(0.75)) * _HEX_PITCH_M**2
+    rings = range(-_HEX.rings, _HEX.rings + 1)
+    cells = [(q, r) for r in rings for q in rings if abs(q + r) <= _HEX.rings]
+    places = tuple((_HEX.pitch_m * (q + r / 2), -_HEX.pitch_m * float(np.sqrt(0.75)) * r) for q, r in cells)
+    area_m2 = float(np.sqrt(0.75)) * _HEX.pitch_m**2
     pad = Pad(name="hexagon", taxels=places, area_m2=area_m2)
     return Sensor(name="hexagon-127", unit="kPa", full_scale=_FULL_SCALE_KPA, pads=(pad,))
 

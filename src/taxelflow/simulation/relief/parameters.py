@@ -17,8 +17,17 @@ Shape = Literal[
 LoadKind = Literal["constant", "ramp", "cycles"]
 _MOST_SCANS = 100_000
 """Scans of each part of a course at most."""
-LEAST_EXPONENT, MOST_EXPONENT = 0.8, 1.5
-"""Range of the exponent of pressure over depth."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Exponent:
+    """Range of the exponent of pressure over depth."""
+
+    least: float = 0.8
+    most: float = 1.5
+
+
+EXPONENT = _Exponent()
 
 
 @dataclass(frozen=True)
@@ -66,7 +75,7 @@ class Skin:
     def __post_init__(self) -> None:
         positive("skin.stiffness_pa_m", self.stiffness_pa_m)
         positive("skin.reference_m", self.reference_m)
-        within("skin.exponent", self.exponent, LEAST_EXPONENT, MOST_EXPONENT)
+        within("skin.exponent", self.exponent, EXPONENT.least, EXPONENT.most)
         for sigma_m in self.cover_m:
             not_negative("skin.cover_m", sigma_m)
         within("skin.active_share", self.active_share, 0.01, 1.0)

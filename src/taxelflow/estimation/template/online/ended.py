@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
 from typing import TYPE_CHECKING
@@ -24,10 +25,18 @@ if TYPE_CHECKING:
 
     Work = Callable[[], LearnedPattern | None]
 
-_MOST_WAITING = 32
-"""From this number on they are made even while something is being learned."""
-_MOST_HELD = 64
-"""Contacts that wait at most, those of most scans: their scans are held for it."""
+
+@dataclass(frozen=True, slots=True)
+class _Queue:
+    """Contacts whose maps wait to be made."""
+
+    urgent: int = 32
+    """From this number on they are made even while something is being learned."""
+    most: int = 64
+    """Contacts that wait at most, those of most scans: their scans are held for it."""
+
+
+_QUEUE = _Queue()
 
 
 def map_of(pad: str, known: LocalMap, m: Track, pitch_m: float) -> Work:
@@ -68,7 +77,7 @@ class Ended:
             self._keep(work())
             return
         self._waiting.append((scans, work))
-        if len(self._waiting) > _MOST_HELD:
+        if len(self._waiting) > _QUEUE.most:
             self._waiting.remove(min(self._waiting, key=itemgetter(0)))
 
     def go_on(self, *, busy: bool) -> None:
@@ -76,7 +85,7 @@ class Ended:
         if self._making is not None and self._making.done():
             self._keep(self._making.result())
             self._making = None
-        if self._making is None and self._waiting and (not busy or len(self._waiting) > _MOST_WAITING):
+        if self._making is None and self._waiting and (not busy or len(self._waiting) > _QUEUE.urgent):
             self._making = self._worker.submit(self._waiting.popleft()[1])
 
     def finish(self) -> None:

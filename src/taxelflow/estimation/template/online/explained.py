@@ -6,6 +6,8 @@ all of those.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from taxelflow.estimation.template.linearization import Packed, frame_of, nearest, pressure_at, turned
@@ -18,12 +20,19 @@ from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.small_linalg import put_lower
 from taxelflow.runtime.compiling import inlined, lean_kernel
 
-MOST_UNEXPLAINED = 0.5
-"""Share of the readings' power up to which a map explains a scan: it explains more than it leaves."""
-KNOWN_UNEXPLAINED = 0.1
-"""The same, up to which a scan shows the object of a known map; its variance is not counted as evidence."""
-MISTAKEN = 2
-"""After this many consecutive scans that do not fit its map, it is another object."""
+
+class _Unexplained(NamedTuple):
+    """What a map may leave of a scan, as a share of the readings' power."""
+
+    most: float = 0.5
+    """Up to this a map explains a scan: it explains more than it leaves."""
+    known: float = 0.1
+    """Up to this a scan shows the object of a known map; its variance is not counted as evidence."""
+    scans: int = 2
+    """After this many consecutive scans that do not fit its map, it is another object."""
+
+
+UNEXPLAINED = _Unexplained()
 
 
 @lean_kernel
@@ -122,4 +131,4 @@ def unexplained_and_doubted(
 @lean_kernel
 def fits(m: Track) -> bool:
     """Whether the map explains the last scan at the state that it was registered to."""
-    return bool(m.chi <= gate(m.usual, m.count) and m.unexplained <= MOST_UNEXPLAINED)
+    return bool(m.chi <= gate(m.usual, m.count) and m.unexplained <= UNEXPLAINED.most)

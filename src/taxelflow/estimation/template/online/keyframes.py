@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.online.track_state import MOST_KEYFRAMES
+from taxelflow.estimation.template.online.track_state import KEYFRAMES
 from taxelflow.numerics.bspline import pose_part, states_of
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Keyframes:
         bends = np.concatenate([old.bends, bend[np.newaxis]])
         times = np.append(old.t_s, t_s)
         keep: NDArray[np.int64] = np.arange(len(states))
-        if len(states) > MOST_KEYFRAMES:
+        if len(states) > KEYFRAMES.most:
             poses = pose_part(states)
             apart = np.abs(poses[:, np.newaxis] - poses[np.newaxis])
             apart = apart.sum(axis=2) + 1e6 * np.eye(len(states))

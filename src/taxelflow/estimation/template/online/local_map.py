@@ -18,12 +18,26 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.online.keyframes import Keyframes
     from taxelflow.messages import Floats
 
-FIRST_SLACK = 0.0025
-"""Variance of poses by the error of a map that is not known yet: pitches^2, and rad^2."""
+
+@dataclass(frozen=True, slots=True)
+class _Slack:
+    """Slack of a map: the variance of poses by its error, pitches^2 and rad^2."""
+
+    first: float = 0.0025
+    """Of a map that is not known yet."""
+    reported: float = 0.1
+    """Share of the first slack from which on a turn is reported: that of a pattern on which two more fits have
+    agreed."""
+    cut: float = 0.5
+    """What is added to the first slack, times the share of the load that lies at the border."""
+    most: tuple[float, float] = (1.0, 0.3)
+    forget: float = 0.2
+    """Largest slack; and what stays of that before when keyframes have hardly moved."""
+
+
+SLACK = _Slack()
 _NOTHING = 10.0
 """Scans of less strength may be noise; one that is stronger by `FAINT` is not."""
-_LEAST_GAIN_STD = 0.05
-"""Least standard deviation of the gain from scan to scan, as a share of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +79,7 @@ class LocalMap:
     """Whether the pattern does not stay the same: only the last keyframes count."""
     turned: float = 0.0
     """Angle of this frame from that of the map before."""
-    slack: Floats = field(default_factory=lambda: np.full(2, FIRST_SLACK))
+    slack: Floats = field(default_factory=lambda: np.full(2, SLACK.first))
     """(2,), variance of x and y, and of theta, by the error of the map: how far poses on the map before were off."""
     unseen_error: float = 0.0
     """See `Layout`."""
@@ -109,7 +123,7 @@ class LocalMap:
     @property
     def loose_gain_std(self) -> float:
         """How far the gain may move from scan to scan, as a share of it."""
-        return max(3.0 * self.gain_std, _LEAST_GAIN_STD)
+        return 3.0 * self.gain_std
 
     @property
     def mature(self) -> bool:

@@ -18,15 +18,7 @@ from taxelflow.estimation.template.online.rows import room_for, rows_of
 from taxelflow.estimation.template.online.spreading import most_at_once
 from taxelflow.estimation.template.online.starting import Begun, FirstScan, begun, begun_anew
 from taxelflow.estimation.template.online.step import FOLLOW, follow_hand
-from taxelflow.estimation.template.online.track_state import (
-    MOST_KEYFRAMES,
-    TURN_STD,
-    PadScan,
-    Patterns,
-    Rows,
-    Scan,
-    Track,
-)
+from taxelflow.estimation.template.online.track_state import KEYFRAMES, TURN_STD, PadScan, Patterns, Rows, Scan, Track
 from taxelflow.estimation.template.online.witness import (
     anchor,
     find_sure_shift,
@@ -84,7 +76,7 @@ class LocalMaps:
         bend, state = tracks["speed"][pad][:, np.newaxis] * late, tracks["state"][pad]
         own.learn_from(Candidate(scan.t, scan.reading[taxels].copy(), scan.variance[taxels].copy(), bend, state.copy()))
         held = int(tracks["keyframes"][pad])
-        if held < MOST_KEYFRAMES:
+        if held < KEYFRAMES.most:
             tracks["keyframe"][pad, held] = state
             tracks["keyframes"][pad] = held + 1
         self.go_on(pad)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from taxelflow.estimation.template.bundle_adjustment import covariance_of, information_of
 from taxelflow.estimation.template.centre_of_pressure import anchor_of
 from taxelflow.estimation.template.contact_solver import solve_contact
-from taxelflow.estimation.template.deforming import CHANGES, MEMORY
+from taxelflow.estimation.template.deforming import CHANGES, ODOMETRY
 from taxelflow.estimation.template.depth import with_depth
 from taxelflow.estimation.template.extrapolation import extrapolate
 from taxelflow.estimation.template.hidden_motion import shown_at_rest
@@ -25,9 +25,9 @@ from taxelflow.estimation.template.likelihood import cost
 from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
-from taxelflow.estimation.template.online.local_map import FIRST_SLACK, LocalMap
+from taxelflow.estimation.template.online.local_map import SLACK, LocalMap
 from taxelflow.estimation.template.online.reframing import align_gauge
-from taxelflow.estimation.template.online.track_state import NEAR, YOUNG_KEYFRAMES
+from taxelflow.estimation.template.online.track_state import KEYFRAMES
 from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.bspline import states_of
@@ -38,28 +38,6 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.online.track_state import PadScan
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
-
-_FAR = 1.0
-"""In place of `NEAR` for contacts whose size varies: what the size leaves unexplained seems to move them."""
-_DECIDE, MORE = 4, 1.5
-"""Keyframes from which hypotheses are compared; and factor of keyframes after which work on them is worth repeating."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Slack:
-    """How the slack of a map is learned."""
-
-    reported: float = 0.1
-    """Share of the first slack from which on a turn is reported: that of a pattern on which two more fits have
-    agreed."""
-    cut: float = 0.5
-    """What is added to the first slack, times the share of the load that lies at the border."""
-    most: tuple[float, float] = (1.0, 0.3)
-    forget: float = 0.2
-    """Largest slack; and what stays of that before when keyframes have hardly moved."""
-
-
-_SLACK = _Slack()
 _STRANGE = 2.0
 """How many times what still fits a keyframe may be from the others."""
 _YOUNG_ROUNDS = 6
@@ -85,7 +63,7 @@ def first_pattern(
     learned = learn(
         LocalMap(covering(scanned, state), Keyframes(scanned, state, state), 1.0, gains, unseen_error=unseen_error)
     )
-    learned.slack[0] += _SLACK.cut * most_whole(learned.keyframes)[1]
+    learned.slack[0] += SLACK.cut * most_whole(learned.keyframes)[1]
     return learned
 
 
@@ -102,10 +80,10 @@ def learn(known: LocalMap) -> LocalMap:
 
 def _forgetting(known: LocalMap) -> LocalMap:
     """A pattern of the last few keyframes, where they are: it does not stay for long enough to be refined."""
-    old, most = known.keyframes, slice(-MEMORY, None)
+    old, most = known.keyframes, slice(-ODOMETRY.memory, None)
     keyframes = Keyframes(old.scanned.taken(most), old.states[most], old.angled[most])
     new = _filled(known, keyframes)
-    slack = np.minimum(known.slack + FIRST_SLACK, _SLACK.most)
+    slack = np.minimum(known.slack + SLACK.first, SLACK.most)
     return replace(new, error=COARSE, usual=GATE, gain_std=FIRST_GAIN_STD, slack=slack, changing=True)
 
 
@@ -119,7 +97,7 @@ def _filled(known: LocalMap, keyframes: Keyframes) -> LocalMap:
 
 def _learn(known: LocalMap) -> LocalMap:
     keyframes = known.keyframes
-    count, near = len(keyframes), _FAR if keyframes.grown else NEAR
+    count, near = len(keyframes), KEYFRAMES.far if keyframes.grown else KEYFRAMES.near
     moved = keyframes.spread(known.radius) > near or _grown_now(known)
     if count <= 2 or not moved:
         new = _filled(known, keyframes)
@@ -133,9 +111,9 @@ def _learn(known: LocalMap) -> LocalMap:
     before[:, :2] += known.origin
     turned = float(np.median(states_of(best.states).theta - states_of(before).theta)) if best.turns else 0.0
     states, origin, off = align_gauge(before, best, scanned, turned)
-    slack = np.full(2, FIRST_SLACK) if best.grows and not known.grows else _slack(known, off)
+    slack = np.full(2, SLACK.first) if best.grows and not known.grows else _slack(known, off)
     shown = known.shown if looked == known.looked else best.shown
-    reports_turn = best.turns and shown and (known.reports_turn or bool(slack[1] < _SLACK.reported * FIRST_SLACK))
+    reports_turn = best.turns and shown and (known.reports_turn or bool(slack[1] < SLACK.reported * SLACK.first))
     new = replace(
         known,
         pattern=pattern,
@@ -162,7 +140,7 @@ def _learn(known: LocalMap) -> LocalMap:
     own = replace(pattern)
     fill(own, scanned.with_error(max(new.error, FINE)), states)
     pattern.doubt = own.doubt
-    if count < YOUNG_KEYFRAMES:
+    if count < KEYFRAMES.young:
         return new
     return _forgetting(new) if new.error > CHANGES else _without_strangers(new, best)
 
@@ -178,14 +156,14 @@ def _anchor(known: LocalMap, gains: Floats, best: Solved) -> Anchor | None:
 
 def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:
     """Variance of x and y, in pitches^2, that a tilt of the load adds in the last keyframes."""
-    last = slice(-MEMORY, None)
+    last = slice(-ODOMETRY.memory, None)
     states, error, own = best.states[last], max(best.error, tilt_std), scanned.taken(last)
     precision = own.precision(turns=best.turns, gain_std=best.gain_std)
     level = own.amplitude if best.heights else 0.0
     information = information_of(best.pattern, own, with_depth(states, best.depth[last]), error, precision, level)
     tilted = without_tilt(information, best.pattern, own, states, error, tilt_std)
     more = covariance_of(tilted) - covariance_of(information)
-    return float(np.clip(np.median(0.5 * (more[:, 0, 0] + more[:, 1, 1])), 0.0, _SLACK.most[0]))
+    return float(np.clip(np.median(0.5 * (more[:, 0, 0] + more[:, 1, 1])), 0.0, SLACK.most[0]))
 
 
 def _without_strangers(new: LocalMap, best: Solved) -> LocalMap:
@@ -208,7 +186,7 @@ def _strange(solved: Solved) -> Bools:
 
 def _grown_now(known: LocalMap) -> bool:
     """Whether sizes differ, so that hypotheses are worth comparing though the object has hardly moved."""
-    return known.keyframes.grown and known.taken >= MORE * max(known.looked, 1)
+    return known.keyframes.grown and known.taken >= KEYFRAMES.more * max(known.looked, 1)
 
 
 def _best(known: LocalMap) -> tuple[Solved, int]:
@@ -217,9 +195,9 @@ def _best(known: LocalMap) -> tuple[Solved, int]:
     They are compared as in a batch, on the readings as they are: gains that were learned with a wrong motion hide it.
     """
     keyframes, taken = known.keyframes, known.taken
-    if len(keyframes) < _DECIDE or taken < MORE * known.looked:
+    if len(keyframes) < KEYFRAMES.compared or taken < KEYFRAMES.more * known.looked:
         present = _again(known, known.scanned, keyframes.states.copy())
-        if taken < max(YOUNG_KEYFRAMES, known.looked + MEMORY) or not _strange(present).any():
+        if taken < max(KEYFRAMES.young, known.looked + ODOMETRY.memory) or not _strange(present).any():
             return present, known.looked
     scanned = replace(keyframes.scanned, variance=keyframes.scanned.variance.copy())
     dead = np.flatnonzero(np.isinf(known.gains)).tolist()
@@ -267,5 +245,5 @@ def _slack(known: LocalMap, off: Floats) -> Floats:
     if not len(fresh):
         return known.slack
     wrong = np.array([np.mean(fresh[:, :2] ** 2), np.mean(states_of(fresh).theta ** 2)])
-    slack: Floats = np.maximum(wrong, _SLACK.forget * known.slack)
+    slack: Floats = np.maximum(wrong, SLACK.forget * known.slack)
     return slack

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.online.gauge import Reported
-from taxelflow.estimation.template.online.map_update import MORE, learn
-from taxelflow.estimation.template.online.track_state import YOUNG_KEYFRAMES
+from taxelflow.estimation.template.online.map_update import learn
+from taxelflow.estimation.template.online.track_state import KEYFRAMES
 from taxelflow.numerics.bspline import State, state_of
 from taxelflow.runtime.adoption import Lane
 
@@ -80,11 +80,11 @@ class Learner:
             return
         if self.lane.busy and (now_s <= self.lane.planned_s or known.grows or known.changing or self.beginning):
             return
-        if self.lane.busy and len(known.keyframes) + waiting < MORE * (len(known.keyframes) + self._asked):
+        if self.lane.busy and len(known.keyframes) + waiting < KEYFRAMES.more * (len(known.keyframes) + self._asked):
             return
         fresh, newest, self._asked = self._waiting.copy(), self._waiting[-1].state.copy(), waiting
         known = replace(known, fresh=waiting, looked=0 if may_turn and not known.turns else known.looked)
-        share = _YOUNG_LATENCY if len(known.keyframes) + waiting < YOUNG_KEYFRAMES else 1.0
+        share = _YOUNG_LATENCY if len(known.keyframes) + waiting < KEYFRAMES.young else 1.0
         begun_s = max(fresh[-1].t_s, now_s)
         work = self._workers.mapper.submit(learn_from, known, fresh)
         self.lane.renew(work, begun_s, begun_s + share * self._latency_s, partial(self._adopt, put, fresh, newest))

@@ -1,4 +1,4 @@
-"""Motion model of a pad's object: whether it rests, and what the next scan is predicted from."""
+"""Motion model of a pad's object: whether it rests, what the next scan is predicted from, how its size may change."""
 
 from __future__ import annotations
 
@@ -23,6 +23,21 @@ class _Moving(NamedTuple):
 
 
 _MOVING = _Moving()
+
+
+class _Growth(NamedTuple):
+    """A contact that grows with its load."""
+
+    stays: float = 0.5
+    """Only an object that has stayed within this many pitches, while keyframes came, may be seen to grow."""
+    std: float = 0.5
+    least_std: float = 0.002
+    first_std: float = 0.1
+    """Change of the size's logarithm from scan to scan, per change of the load's, and at least; and where it first
+    shows."""
+
+
+GROWTH = _Growth()
 
 
 @lean_kernel
@@ -53,3 +68,10 @@ def update_motion(t: float, span: float, last: Floats, middle: Floats, m: Track)
         m.span = span
     m.last_t = t
     m.centroid[0], m.centroid[1], m.border, m.load = middle[0], middle[1], middle[2], middle[3]
+
+
+@lean_kernel
+def growth_std(before: float, load: float) -> float:
+    """How far the size's logarithm may go with a change of the load."""
+    pressed = abs(np.log(load / before)) if load > 0.0 and before > 0.0 else 1.0
+    return float(GROWTH.std * pressed + GROWTH.least_std)

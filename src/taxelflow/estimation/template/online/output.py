@@ -6,19 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, MISTAKEN, MOST_UNEXPLAINED, fits
-from taxelflow.estimation.template.online.track_state import (
-    FAINT,
-    GONE,
-    NEAR,
-    NOTHING,
-    NOVEL,
-    SAME,
-    YOUNG_KEYFRAMES,
-    Room,
-    Rows,
-    Track,
-)
+from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits
+from taxelflow.estimation.template.online.track_state import FAINT, GONE, KEYFRAMES, NOTHING, NOVEL, Room, Rows, Track
 from taxelflow.estimation.template.online.witness import (
     add_weighted,
     find_centre,
@@ -101,19 +90,19 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
     rows.quality[k, pad] = AMBIGUOUS if blurred or in_line or unsure or m.changing else OK
     if fits(m):
         m.poor = 0.0
-        clear = largest < (BLURRED * scale) ** 2 or m.keyframes < YOUNG_KEYFRAMES
+        clear = largest < (BLURRED * scale) ** 2 or m.keyframes < KEYFRAMES.young
         if clear and (m.changing or not _shown(m)):
             m.flag = NOVEL
     else:
         rows.quality[k, pad] = UNRESOLVED if m.strange else rows.quality[k, pad]
         _add_poor(m)
-        if m.poor >= _UNFIT.learned or m.keyframes < YOUNG_KEYFRAMES:
+        if m.poor >= _UNFIT.learned or m.keyframes < KEYFRAMES.young:
             m.flag = NOVEL
     if unsure:
         m.flag = NOTHING  # a pattern must not learn from where it is not
-    if state_of(m.state).gain > FAINT and m.keyframes < YOUNG_KEYFRAMES:
+    if state_of(m.state).gain > FAINT and m.keyframes < KEYFRAMES.young:
         m.flag = NOVEL
-    given_up = m.poor >= _UNFIT.given_up and m.unexplained > KNOWN_UNEXPLAINED
+    given_up = m.poor >= _UNFIT.given_up and m.unexplained > UNEXPLAINED.known
     if moved > _LEAP.pitches * (1.0 + m.radius) or given_up:
         m.flag = GONE
         rows.quality[k, pad] = LOST
@@ -122,8 +111,8 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
 @lean_kernel
 def _add_poor(m: Track) -> None:
     """Count a scan that does not fit, by how little it does."""
-    if m.unexplained > MOST_UNEXPLAINED:
-        m.poor += _UNFIT.given_up / MISTAKEN
+    if m.unexplained > UNEXPLAINED.most:
+        m.poor += _UNFIT.given_up / UNEXPLAINED.scans
     elif m.chi / m.usual > _UNFIT.far:
         m.poor += 2.0
     else:
@@ -186,12 +175,12 @@ def _shown(m: Track) -> bool:
     for k in range(m.keyframes):
         shown = state_of(m.keyframe[k])
         dx, dy = now.x - shown.x, now.y - shown.y
-        if dx * dx + dy * dy >= NEAR * NEAR:
+        if dx * dx + dy * dy >= KEYFRAMES.near * KEYFRAMES.near:
             continue
         apart = np.sqrt(dx * dx + dy * dy) + m.radius * abs(now.theta - shown.theta)
-        apart += abs(np.log(now.gain / shown.gain)) * NEAR / _LEAP.louder
-        close += 1 if apart < NEAR else 0
-        if close == SAME:
+        apart += abs(np.log(now.gain / shown.gain)) * KEYFRAMES.near / _LEAP.louder
+        close += 1 if apart < KEYFRAMES.near else 0
+        if close == KEYFRAMES.same:
             return True
     return False
 

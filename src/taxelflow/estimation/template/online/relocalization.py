@@ -10,7 +10,7 @@ import numpy as np
 from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, ROOM, Prior, refine_state
 from taxelflow.estimation.template.linearization import Packed, pack_scan
 from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.online.explained import KNOWN_UNEXPLAINED, unexplained
+from taxelflow.estimation.template.online.explained import UNEXPLAINED, unexplained
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, state_of, states_of
 from taxelflow.numerics.robust import HUBER, gate
@@ -80,7 +80,7 @@ def _best_of(
         cost, chi, count = refine_state(surface, taxels, prior, HUBER, _ITERATIONS, trial, found, room[:ROOM])
         if not (cost < best and count > 0 and chi / max(count, 1) < gate(usual, float(count))):
             continue
-        if unexplained(surface, taxels, error, trial, mean) > KNOWN_UNEXPLAINED:
+        if unexplained(surface, taxels, error, trial, mean) > UNEXPLAINED.known:
             continue
         best, best_chi, best_count = cost, chi, count
         for a in range(STATE):

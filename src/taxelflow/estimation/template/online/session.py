@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.online.explained import MISTAKEN, MOST_UNEXPLAINED, fits
+from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.mapping_thread import Workers
 from taxelflow.estimation.template.online.prediction import change, expected
@@ -166,7 +166,7 @@ class StreamSession:
             m.probation = max(m.probation - 1.0, 0.0)
         part = self._maps.part(pad, scan)
         found = relocalise(known, m.centroid, part, float(state_of(m.state).theta) if near else None)
-        if found is None and not near and not fit and m.poor >= MISTAKEN:
+        if found is None and not near and not fit and m.poor >= UNEXPLAINED.scans:
             m.broken += _doubt_of_place(m)
             self._maps.learn_anew(pad, scan)
         if found is None or (near and not close(found.state, m.state)):
@@ -174,7 +174,7 @@ class StreamSession:
         if not fit or surely_elsewhere(found, m):
             m.state[:], m.information[:], m.chi, m.count = found
             m.doubted[:], m.step[:] = found.information, found.information
-            m.unexplained = min(m.unexplained, MOST_UNEXPLAINED)  # or it had not been found
+            m.unexplained = min(m.unexplained, UNEXPLAINED.most)  # or it had not been found
             m.carries = False
             put_anew(m)
 

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import ceil, inf
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-TURN_S = 0.01
-"""Each pad has a turn in this time: at 100 Hz all have one in each scan."""
-_JITTER = 0.9
-"""Share of it after which a pad's next turn may come: scans of 100 Hz do not come quite evenly."""
+
+@dataclass(frozen=True, slots=True)
+class _Turn:
+    """Turns that pads have."""
+
+    every_s: float = 0.01
+    """Each pad has a turn in this time: at 100 Hz all have one in each scan."""
+    share: float = 0.9
+    """Share of it after which a pad's next turn may come: scans of 100 Hz do not come quite evenly."""
+
+
+TURN = _Turn()
 
 
 def most_at_once(pads: int, step_s: float) -> int:
     """How many of these pads have a turn in a scan. step_s: time since the scan before."""
-    return max(ceil(pads * min(step_s / TURN_S, 1.0)), 1)
+    return max(ceil(pads * min(step_s / TURN.every_s, 1.0)), 1)
 
 
 class Turns:
@@ -28,7 +37,8 @@ class Turns:
     def taken(self, asking: Iterable[int], now_s: float, most: int) -> list[int]:
         """Which of the pads that ask have their turn now, in order: those that have waited longest, up to this many."""
         last = self._last_s
-        due = sorted((pad for pad in asking if now_s - last[pad] >= _JITTER * TURN_S), key=lambda pad: last[pad])
+        least_s = TURN.share * TURN.every_s
+        due = sorted((pad for pad in asking if now_s - last[pad] >= least_s), key=lambda pad: last[pad])
         chosen = sorted(due[:most])
         for pad in chosen:
             last[pad] = now_s

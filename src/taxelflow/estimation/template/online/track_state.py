@@ -13,13 +13,28 @@ from taxelflow.numerics.records import Vector
 StateVector = Annotated[Floats, 5]
 """A state, see `bspline`."""
 StateMatrix = Annotated[Floats, 5, 5]
-MOST_KEYFRAMES = 60
-YOUNG_KEYFRAMES = 12
-"""A map of fewer keyframes is young: it is adopted sooner, and learns from every scan that does not fit."""
-NEAR = 0.25
-"""Scans whose places on the map are closer than this, in pitches, show the same, ..."""
-SAME = 5
-"""... and this many keyframes that show the same are enough."""
+
+
+class _Keyframes(NamedTuple):
+    """Keyframes of a map."""
+
+    most: int = 60
+    """Keyframes at most: more of them cost memory and time."""
+    young: int = 12
+    """A map of fewer keyframes is young: it is adopted sooner, and learns from every scan that does not fit."""
+    near: float = 0.25
+    """Scans whose places on the map are closer than this, in pitches, show the same, ..."""
+    same: int = 5
+    """... and this many keyframes that show the same are enough."""
+    far: float = 1.0
+    """In place of `near` for contacts whose size varies: what the size leaves unexplained seems to move them."""
+    compared: int = 4
+    """Keyframes from which hypotheses are compared."""
+    more: float = 1.5
+    """Factor of keyframes after which work on them is worth repeating."""
+
+
+KEYFRAMES = _Keyframes()
 TURN_STD = 0.1
 """How far theta may move from scan to scan, rad."""
 FAINT = 3.0
@@ -148,7 +163,7 @@ class Track:
     """Where the centre of pressure was then, m, and xx, xy and yy of that by noise, m^2."""
     before_t: float
     keyframes: int
-    keyframe: Annotated[Floats, MOST_KEYFRAMES, 5]
+    keyframe: Annotated[Floats, KEYFRAMES.most, 5]
     """States of the scans that the pattern is learned from."""
 
 

@@ -9,14 +9,23 @@ import numpy as np
 from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, MAY_BE_HELD, Prior, refine_state
 from taxelflow.estimation.template.linearization import Packed, lanes_for, pack_places, pack_readings
 from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.online.explained import MOST_UNEXPLAINED, fits, unexplained, unexplained_and_doubted
-from taxelflow.estimation.template.online.motion import is_at_rest, update_motion
+from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits, unexplained, unexplained_and_doubted
+from taxelflow.estimation.template.online.motion import GROWTH, growth_std, is_at_rest, update_motion
 from taxelflow.estimation.template.online.residual_process import predict, update
-from taxelflow.estimation.template.online.track_state import SAME, TURN_STD, Hand, PadScan, Patterns, Room, Scan, Track
+from taxelflow.estimation.template.online.track_state import (
+    KEYFRAMES,
+    TURN_STD,
+    Hand,
+    PadScan,
+    Patterns,
+    Room,
+    Scan,
+    Track,
+)
 from taxelflow.estimation.template.online.witness import find_shift, middle_of
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
-from taxelflow.numerics.centroid import CELL_ERROR, SKIRT_SHARE, centroid_covariance
+from taxelflow.numerics.centroid import CELL_ERROR, LOADED, centroid_covariance
 from taxelflow.numerics.cut import find_hidden
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import CHEAPER, GATE, HUBER, gate
@@ -28,12 +37,11 @@ _PREDICTED, _AS_BEFORE, _WITH_CENTROID, _LOOSE, _TURNS, _GROWS, _ATTEMPTS = rang
 jump; and for an object that may have begun to turn, or to grow with the load."""
 _ITERATIONS = np.int64(12)  # numba compiles `register` again for each constant of Python
 _LOOSE_GAIN_STD = 0.5
+"""Standard deviation of a gain that may jump, as a share of it."""
 _PAID = 0.3
 """Share of the misfit that turning or growing must explain."""
-_STAYS = 0.5
-"""Only an object that has stayed within this many pitches, while keyframes came, may be seen to grow."""
-_GROWTH, _LEAST_GROWTH, _FIRST_GROWTH = 0.5, 0.002, 0.1
-"""Change of the size's logarithm from scan to scan, per change of the load's; and where it first shows."""
+
+
 _CUT = 0.1
 """A contact is cut if so much of its load lies at the border; an object that is whole may begin to turn."""
 
@@ -86,9 +94,9 @@ def _follow_pad(
     m.cut = m.cut or middle[2] > _CUT
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
     may_turn = m.turn_std == 0.0 and not m.cut and not in_line
-    may_grow = not m.grows and m.away <= _STAYS and m.keyframes >= SAME
+    may_grow = not m.grows and m.away <= GROWTH.stays and m.keyframes >= KEYFRAMES.same
     poor = not fits(m)
-    grown_std = _growth(m.load, middle[3])
+    grown_std = growth_std(m.load, middle[3])
     _bend(m, delay, bend)
     level = _level(scan, m)
     error = m.error * level
@@ -159,11 +167,11 @@ def _judge(
                 m.doubted[a, b] = m.information[a, b]
         return
     more = unseen * unseen - error * error
-    least, state = SKIRT_SHARE * level, m.state[:]
+    least, state = LOADED.skirt * level, m.state[:]
     m.unexplained, chi, count = unexplained_and_doubted(
         surface, taxels, error, more, least, state, m.shift[:], m.doubted[:]
     )
-    m.strange = chi > gate(1.0, count) * count or m.unexplained > MOST_UNEXPLAINED
+    m.strange = chi > gate(1.0, count) * count or m.unexplained > UNEXPLAINED.most
     for part in MAY_BE_HELD:
         if precision[part] >= HELD:
             for a in range(STATE):
@@ -171,13 +179,6 @@ def _judge(
     for a in range(STATE):
         m.doubted[a, a] += precision[a]
     mirror(m.doubted)
-
-
-@lean_kernel
-def _growth(before: float, load: float) -> float:
-    """How far the size's logarithm may go with a change of the load."""
-    pressed = abs(np.log(load / before)) if load > 0.0 and before > 0.0 else 1.0
-    return float(_GROWTH * pressed + _LEAST_GROWTH)
 
 
 @lean_kernel
@@ -229,7 +230,7 @@ def _search(surface: Surface, taxels: Packed, search: Search, m: Track) -> float
         if attempt == _TURNS:
             turn_std = TURN_STD
         elif attempt == _GROWS:
-            grown_std = _FIRST_GROWTH
+            grown_std = GROWTH.first_std
         gain_std = m.gain_std if attempt < _LOOSE else _LOOSE_GAIN_STD
         _stiffen(m, turn_std, grown_std, 1.0 / (gain_std * last.gain) ** 2, precision)
         theta = state_of(trial).theta if m.turn_std > 0.0 else last.theta

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.centre_of_pressure import BORDER_ERROR
-from taxelflow.estimation.template.online.track_state import NEAR, PadScan, Track
+from taxelflow.estimation.template.online.track_state import KEYFRAMES, PadScan, Track
 from taxelflow.estimation.template.two_witnesses import combine, surely, transformed
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of, states_of
@@ -157,7 +157,7 @@ def follow_centre(scale: float, floor: float, m: Track) -> None:
     a pitch, m.
     """
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
-    enters = floor <= 0.0 and m.cut and m.away > NEAR
+    enters = floor <= 0.0 and m.cut and m.away > KEYFRAMES.near
     if m.seen or m.grows or in_line or enters or m.load <= 0.0:
         return
     before_x, before_y = reported_arm(scale, m)

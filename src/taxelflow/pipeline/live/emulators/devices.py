@@ -214,7 +214,7 @@ class Inspire:
     """A Modbus TCP server that answers reads of holding registers of one pad from the last scan."""
 
     def __init__(self, address: Address, sensor: Sensor) -> None:
-        self._place = address.host or "127.0.0.1", inspire.PORT if address.port is None else address.port
+        self._place = address.host or "127.0.0.1", inspire.MODBUS.port if address.port is None else address.port
         self._registers = np.zeros(sensor.channel_map.columns, np.int16)
         self._read = threading.Event()
 
@@ -240,7 +240,7 @@ class Inspire:
 
     def _answer(self, first: int, count: int) -> bytes:
         """Readings from a register on, up to the end of its pad, after the number of their bytes."""
-        start = (first - inspire.FIRST) // inspire.BYTES
+        start = (first - inspire.MODBUS.first) // inspire.MODBUS.step
         ends = [end for end in np.cumsum(inspire.PADS).tolist() if end > start]
         end = min([start + count, *ends[:1]])
         values = self._registers[start:end].astype(">i2").tobytes()
