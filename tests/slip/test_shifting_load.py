@@ -89,6 +89,15 @@ def test_a_swing_on_a_restless_pad_is_only_suspected(mode: Mode) -> None:
     assert np.nanmax(result.evidence) < -2.0
 
 
+@both
+def test_a_slow_slip_of_a_rocked_object_is_reported_before_it_ends(mode: Mode) -> None:
+    """By one pitch in a second: since the pull before it, rest explains the pattern as well."""
+    slid = np.clip(T_S - 3.0, 0.0, 1.0)
+    found = api.estimate(on_skin(slid, ROCKED), method="convolution", mode=mode)["pad0"]
+    late = (found.t_s > ONSET_S + 0.65) & (found.t_s < ONSET_S + 0.95)
+    assert found.slipping[late].all()
+
+
 def test_a_sensor_without_unseen_error_is_believed() -> None:
     exact = msgspec.structs.replace(SENSOR, unseen_error=0.0)
     assert starts(slips(replace(on_skin(AT_REST, ROCKED), sensor=exact), "stream"))
