@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
+from taxelflow.numerics.rest_or_slide import Unexplained
 from taxelflow.numerics.robust import CLEARLY
 from taxelflow.slip.evidence import (
     CHANGE,
@@ -125,11 +126,16 @@ def test_odds_return_to_the_prior_where_there_is_no_evidence() -> None:
     assert np.isfinite(updated(UNTOUCHED, np.zeros((2, 1)), touching, np.inf)).all()
 
 
+def left_of(left: float, free: float = 1e9) -> Unexplained:
+    """left: logarithm of what a slide leaves over what rest does."""
+    return Unexplained(float(np.exp(2.0 * left)), 1.0, 1.0, free_slide=free, free_rest=free)
+
+
 def course(log_ratio: float, lefts: list[float]) -> list[float]:
-    """Odds of a slip after each bin of a change with this ratio. lefts: logarithms of what a slide leaves over rest."""
+    """Odds of a slip after each bin of a change with this ratio. lefts: see `left_of`."""
     shares, found = UNTOUCHED, []
     for left in lefts:
-        tilts = tilt_log_ratio(np.array([log_ratio]), np.array([tilt_over_slide(left)]))
+        tilts = tilt_log_ratio(np.array([log_ratio]), np.array([tilt_over_slide(left_of(left))]))
         shares = updated(shares, np.stack([tilts, [log_ratio]]), np.ones(1, dtype=np.bool_), STEP_S)
         found.append(odds_of(shares))
     return found
@@ -139,6 +145,12 @@ def test_what_tilts_is_no_slip_though_it_looks_like_one_for_a_moment() -> None:
     clearly = float(np.log(CLEARLY))
     assert max(course(8.0, [clearly] * 4 + [-clearly] + [clearly] * 20)) < 1
     assert min(course(8.0, [-clearly] * 4 + [clearly] + [-clearly] * 4)) > 1
+
+
+def test_few_taxels_say_little_of_a_tilt() -> None:
+    few, many = (tilt_over_slide(left_of(1.0, free)) for free in (1.0, 30.0))
+    assert 0 < few < 0.5 * many
+    assert np.isnan(tilt_over_slide(Unexplained(1.0, 1.0, 1.0, free_rest=0.5)))
 
 
 def test_a_change_that_is_not_compared_is_no_tilt() -> None:

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.rest_or_slide import Unexplained
 from taxelflow.numerics.robust import CLEARLY
 
 
@@ -86,12 +87,14 @@ def looks_like_slip(share: Floats, noise_power: Floats, rise: Floats) -> Bools:
     return found
 
 
-def tilt_over_slide(left: float) -> float:
-    """Log likelihood ratio of "tilts" against "slides".
+def tilt_over_slide(left: Unexplained) -> float:
+    """Log likelihood ratio of "tilts" against "slides"; NaN where rest fits all readings.
 
-    left: logarithm of what a slide leaves unexplained over what rest does.
+    The logarithm of a root of chi-square, a degree of freedom, has half of the variance and of the bias that that of
+    chi-square has: few taxels say little.
     """
-    return 2.0 * float(np.log(CLEARLY)) / CHANGE.spread**2 * left
+    rest, slide = 0.5 / left.free_rest, 0.5 / left.free_slide
+    return 2.0 * float(np.log(CLEARLY)) / (CHANGE.spread**2 + rest + slide) * (left.log_ratio() - rest + slide)
 
 
 def tilt_log_ratio(log_ratio: Floats, tilt: Floats) -> Floats:

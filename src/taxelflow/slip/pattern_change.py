@@ -203,7 +203,7 @@ class PatternWatch:
         skin, way = skin_of(self._layout, pad), np.zeros(3)
         for pattern, sign in ((new, 1.0), (old, -1.0)):
             way[:2] += sign * np.average(skin.places, axis=0, weights=np.maximum(pattern, 0.0))
-        return tilt_over_slide(compare(skin, old, new, one, way, sinks=False).log_ratio())
+        return tilt_over_slide(compare(skin, old, new, one, way, sinks=False))
 
     def _compare_shear(self, variance: Floats, found: Floats) -> None:
         """Fill in, of (7 and more, pads), the last of seven where the pattern is known: spread and its noise. variance:

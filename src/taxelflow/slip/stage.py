@@ -145,7 +145,7 @@ class SlipStage:
         if self._ahead_s:
             decisive = self._begun.step(odds, flags & (slips.quality[: len(flags)] == OK), slips.t_s)
         soon_s, begun_s = self._dated(since_s, flags, slips.t_s, count)
-        # Odds know a tilt from a slide, over a way so short that a pattern is still itself; longer baselines need shear.
+        # Odds know a tilt from a slide, over a short way; longer baselines need shear to know it.
         for_slip = odds.soon if self._sheared else odds.log_odds
         soon_s = np.where(for_slip > 0.0, np.fmin(soon_s, slips.t_s[:count, np.newaxis]), soon_s)
         self._since_s = [since_s[count:]] if len(since_s) > count else []
