@@ -51,7 +51,7 @@ def test_blocks_within_a_block_are_joined_field_by_field(slips: Slips, messages:
     assert [event.event for event in whole.output.events] == ["contact"] * 2
     assert whole.output.spatial is None
     assert len(whole.output.contacts) == 16
-    changes = PatternChanges(*(np.full(shape, 1.0) for shape in (3, 3, *[(3, 2)] * 7, (3, 2, 1, 3))))
+    changes = PatternChanges(*(np.full(shape, 1.0) for shape in (3, 3, *[(3, 2)] * 8, (3, 2, 1, 3))))
     assert joined([changes, changes]).noise.shape == (6, 2)
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -8,19 +9,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
+from taxelflow.numerics.rest_or_slide import Unexplained
+from taxelflow.numerics.robust import CLEARLY
 from taxelflow.slip.evidence import (
     CHANGE,
+    REST_S,
+    SLIDE_S,
+    UNTOUCHED,
     distance,
     joint_log_likelihood_ratio,
     log_likelihood_ratio,
     looked_back,
-    predicted,
+    tilt_log_ratio,
+    tilt_over_slide,
     updated,
 )
 
+if TYPE_CHECKING:
+    from taxelflow.messages import Floats
+
 STEP_S = 0.1
-QUIET = np.zeros(1)
-RATIOS = st.lists(st.floats(-5, 5), min_size=1, max_size=6)
+RATIOS = st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=6)
 
 
 def ratio(change: float, rise: float = 0.0, noise: float = 0.0, growth: float = 0.075) -> float:
@@ -71,45 +80,80 @@ def test_a_distance_counts_from_what_is_usual() -> None:
     assert distance(share, 0.01, np.zeros(1), rise, growth)[0] == pytest.approx(np.log(2) / 0.6)
 
 
-def enumerated(ratios: list[float], judged: int) -> float:
-    """Odds that the object slides in a bin, by summing over all courses of rest and slip; it rests before."""
-    begins = float(predicted(np.zeros(1), STEP_S)[0])
-    begins /= 1 + begins
-    stays = float(predicted(np.array([1e12]), STEP_S)[0])
-    stays /= 1 + stays
-    total = [0.0, 0.0]
-    for course in product((0, 1), repeat=len(ratios)):
+def enumerated(ratios: list[tuple[float, float]], judged: int) -> float:
+    """Odds that the object slides in a bin, by summing over all courses of rest, tilt and slip; it rests before."""
+    begins, ends = -np.expm1(-STEP_S / REST_S), -np.expm1(-STEP_S / SLIDE_S)
+    stays = 1 - begins
+    chances = [[stays**2, begins * stays, begins], [begins * stays, stays**2, begins], [ends, 0.0, 1 - ends]]
+    total = [0.0, 0.0, 0.0]
+    for course in product((0, 1, 2), repeat=len(ratios)):
         weight, last = 1.0, 0
         for state, one in zip(course, ratios, strict=True):
-            slides = stays if last else begins
-            weight *= slides * np.exp(one) if state else 1 - slides
+            weight *= chances[last][state] * np.exp((0.0, *one)[state])
             last = state
         total[course[judged]] += weight
-    return total[1] / total[0]
+    return total[2] / (total[0] + total[1])
+
+
+def odds_of(shares: Floats) -> float:
+    return float(shares[2, 0] / (shares[0, 0] + shares[1, 0]))
 
 
 @given(RATIOS, st.integers(0, 5))
-def test_odds_are_those_of_all_courses(ratios: list[float], judged: int) -> None:
+def test_odds_are_those_of_all_courses(ratios: list[tuple[float, float]], judged: int) -> None:
     judged = min(judged, len(ratios) - 1)
     touching = np.ones(1, dtype=np.bool_)
-    odds, later = np.zeros(1), np.ones(1)
+    shares, later = UNTOUCHED, np.ones((3, 1))
     for one in ratios[: judged + 1]:
-        odds = updated(odds, np.array([one]), touching, STEP_S)
-    assert odds[0] == pytest.approx(enumerated(ratios[: judged + 1], judged), rel=1e-6)
+        shares = updated(shares, np.array([one]).T, touching, STEP_S)
+    assert odds_of(shares) == pytest.approx(enumerated(ratios[: judged + 1], judged), rel=1e-6)
     for one in ratios[:judged:-1]:
-        later = looked_back(later, np.array([one]), touching, STEP_S)
-    assert (odds * later)[0] == pytest.approx(enumerated(ratios, judged), rel=1e-6)
+        later = looked_back(later, np.array([one]).T, touching, STEP_S)
+    assert odds_of(shares * later) == pytest.approx(enumerated(ratios, judged), rel=1e-6)
 
 
 def test_without_contact_nothing_slides_and_nothing_is_known_of_it() -> None:
-    apart = np.zeros(1, dtype=np.bool_)
-    assert updated(np.array([9.0]), np.array([5.0]), apart, STEP_S).tolist() == [0.0]
-    assert looked_back(np.array([9.0]), np.array([5.0]), apart, STEP_S).tolist() == [1.0]
+    apart, ratios = np.zeros(1, dtype=np.bool_), np.full((2, 1), 5.0)
+    assert updated(np.array([[0.1], [0.0], [0.9]]), ratios, apart, STEP_S).tolist() == UNTOUCHED.tolist()
+    assert looked_back(np.full((3, 1), 9.0), ratios, apart, STEP_S).tolist() == [[1.0], [1.0], [1.0]]
 
 
 def test_odds_return_to_the_prior_where_there_is_no_evidence() -> None:
-    odds, touching = np.array([50.0]), np.ones(1, dtype=np.bool_)
+    shares, touching = np.array([[0.01], [0.01], [0.98]]), np.ones(1, dtype=np.bool_)
     for _ in range(100):
-        odds = updated(odds, np.array([np.nan]), touching, STEP_S)
-    assert odds[0] == pytest.approx(0.7 / 5.0, rel=0.1)
-    assert np.isfinite(updated(QUIET, np.zeros(1), touching, np.inf)).all()
+        shares = updated(shares, np.full((2, 1), np.nan), touching, STEP_S)
+    assert odds_of(shares) == pytest.approx(0.7 / 5.0, rel=0.1)
+    assert np.isfinite(updated(UNTOUCHED, np.zeros((2, 1)), touching, np.inf)).all()
+
+
+def left_of(left: float, free: float = 1e9) -> Unexplained:
+    """left: logarithm of what a slide leaves over what rest does."""
+    return Unexplained(float(np.exp(2.0 * left)), 1.0, 1.0, free_slide=free, free_rest=free)
+
+
+def course(log_ratio: float, lefts: list[float]) -> list[float]:
+    """Odds of a slip after each bin of a change with this ratio. lefts: see `left_of`."""
+    shares, found = UNTOUCHED, []
+    for left in lefts:
+        tilts = tilt_log_ratio(np.array([log_ratio]), np.array([tilt_over_slide(left_of(left))]))
+        shares = updated(shares, np.stack([tilts, [log_ratio]]), np.ones(1, dtype=np.bool_), STEP_S)
+        found.append(odds_of(shares))
+    return found
+
+
+def test_what_tilts_is_no_slip_though_it_looks_like_one_for_a_moment() -> None:
+    clearly = float(np.log(CLEARLY))
+    assert max(course(8.0, [clearly] * 4 + [-clearly] + [clearly] * 20)) < 1
+    assert min(course(8.0, [-clearly] * 4 + [clearly] + [-clearly] * 4)) > 1
+
+
+def test_few_taxels_say_little_of_a_tilt() -> None:
+    few, many = (tilt_over_slide(left_of(1.0, free)) for free in (1.0, 30.0))
+    assert 0 < few < 0.5 * many
+    assert np.isnan(tilt_over_slide(Unexplained(1.0, 1.0, 1.0, free_rest=0.5)))
+
+
+def test_a_change_that_is_not_compared_is_no_tilt() -> None:
+    unknown = np.full(2, np.nan)
+    assert tilt_log_ratio(np.array([6.0, -3.0]), unknown).tolist() == [0.0, -3.0]
+    assert course(6.0, [np.nan, np.nan])[-1] > 20

@@ -3,13 +3,16 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from elastic_skin import SENSOR as ON_SKIN
+from elastic_skin import pressed
 from restless import SENSOR, held, slide, texture, tilt
 from synthetic import grid_sensor, scans_of
 from taxelflow.messages import cut
@@ -169,3 +172,18 @@ def test_wild_readings_warn_of_nothing() -> None:
     ratio = ratios(compared(touched(pattern)))[:, 0]
     assert np.isnan(ratio[[10, 11, 13, 14]]).all()
     assert (ratio[15:] < 0).all()
+
+
+@pytest.mark.parametrize(("moved", "sign"), [({"tilt": (0.1, -0.05)}, 1.0), ({"x": 0.4, "y": 0.2}, -1.0)])
+def test_a_rigid_object_that_tilts_is_known_from_one_that_slides(moved: dict[str, Any], sign: float) -> None:
+    """Both change the pattern as a slip does. Only a sensor with an `unseen_error` is asked."""
+    pattern = 2e4 * np.stack([pressed()] * 3 + [pressed(**moved)] * 2)
+    for unseen_error in (0.05, 0.0):
+        sensor = msgspec.structs.replace(ON_SKIN, unseen_error=unseen_error)
+        scans = scans_of(sensor, pattern, noise=20.0)
+        always = np.ones_like(scans.contact)
+        scans = replace(scans, t_s=np.arange(len(pattern)) / 10.0, contact=always, complete=always)
+        changes = PatternWatch(sensor.layout, CREEP_M_S, AFTER).step(scans)
+        assert ratios(changes)[4, 0] > 0
+        tilt = changes.tilt[4, 0]
+        assert sign * tilt > 0 if unseen_error else np.isnan(tilt)

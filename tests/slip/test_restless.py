@@ -20,7 +20,7 @@ def watched(slipped: list[bool], stirred: list[float], ratio: float = -5.0, *, r
 def changed(*, stirred: float = 0.0, unexplained: float = 0.0, rise: float = 0.0) -> PatternChanges:
     """One bin of one pad."""
     touching = np.ones((1, 1), dtype=np.bool_)
-    parts = (np.array([[number]]) for number in (unexplained, 0.0, rise, stirred, np.nan, np.nan))
+    parts = (np.array([[number]]) for number in (unexplained, 0.0, rise, stirred, *[np.nan] * 3))
     return PatternChanges(np.zeros(1), np.zeros(1), touching, *parts, np.empty((1, 1, 0, 3)))
 
 

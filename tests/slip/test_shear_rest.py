@@ -9,7 +9,7 @@ from taxelflow.slip.shear_rest import ShearRest
 
 
 def bin_of(spread: float, rise: float = 0.0, noise: float = 0.0) -> PatternChanges:
-    parts = (np.array([[number]]) for number in (0.0, 0.0, rise, 0.0, spread**2, noise**2))
+    parts = (np.array([[number]]) for number in (0.0, 0.0, rise, 0.0, np.nan, spread**2, noise**2))
     return PatternChanges(np.zeros(1), np.zeros(1), np.ones((1, 1), dtype=np.bool_), *parts, np.empty((1, 1, 0, 3)))
 
 

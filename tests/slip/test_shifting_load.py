@@ -78,6 +78,26 @@ def test_a_smooth_object_that_slides_slowly_is_never_silent(mode: Mode) -> None:
     assert reported[(known_s > 3.5) & (known_s < 8.5)].all()
 
 
+@both
+def test_a_swing_on_a_restless_pad_is_only_suspected(mode: Mode) -> None:
+    """It trembles first, too little for a pose to move, so that the odds decide."""
+    rocked = np.where(T_S < 3.0, 0.01, 0.1) * np.sin(2 * np.pi * T_S)
+    result = api.estimate(on_skin(AT_REST, rocked), method="convolution", mode=mode)
+    kinds = {event.event for event in result.events}
+    assert "slip_suspected" in kinds
+    assert "slip_start" not in kinds
+    assert np.nanmax(result.evidence) < -2.0
+
+
+@both
+def test_a_slow_slip_of_a_rocked_object_is_reported_before_it_ends(mode: Mode) -> None:
+    """By one pitch in a second: since the pull before it, rest explains the pattern as well."""
+    slid = np.clip(T_S - 3.0, 0.0, 1.0)
+    found = api.estimate(on_skin(slid, ROCKED), method="convolution", mode=mode)["pad0"]
+    late = (found.t_s > ONSET_S + 0.65) & (found.t_s < ONSET_S + 0.95)
+    assert found.slipping[late].all()
+
+
 def test_a_sensor_without_unseen_error_is_believed() -> None:
     exact = msgspec.structs.replace(SENSOR, unseen_error=0.0)
     assert starts(slips(replace(on_skin(AT_REST, ROCKED), sensor=exact), "stream"))

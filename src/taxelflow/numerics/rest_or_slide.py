@@ -51,6 +51,14 @@ class Unexplained(NamedTuple):
         goes = self.x * way[0] + self.y * way[1] >= 0.5 * (way[0] ** 2 + way[1] ** 2)
         return bool(goes and self.slide / self.free_slide <= self.rest_of_all / self.free_rest)
 
+    def log_ratio(self) -> float:
+        """Logarithm of what a slide leaves over what rest leaves, roots of squares a degree of freedom; NaN where rest
+        fits all readings.
+        """
+        if self.free_rest < 1.0 or self.slide == 0.0 or self.rest_of_all == 0.0:
+            return np.nan
+        return 0.5 * float(np.log(self.slide / self.free_slide * self.free_rest / self.rest_of_all))
+
     def rests(self) -> bool:
         """Whether rest leaves clearly less than a slide a degree of freedom; never where it fits all readings."""
         left = self.rest_of_all / self.free_rest

@@ -3,8 +3,14 @@
 Logarithms of the unexplained change of a pattern (`pattern_change.py`) are about normal. At rest their mean is that of
 the change that every soft skin shows, of growth under load and of noise; in a slip the change is several times as
 large. So are those of the spread of the change of shear (`shear_change.py`), where a sensor has it, and the ratio is
-that of both together. A two-state Markov chain, "rests" and "slides", turns ratios into odds: forward for a stream,
-forward and backward for a recording.
+that of both together.
+
+An object that a hand tilts or swings changes its pattern as much as one that slides. What tells them apart is which of
+the two explains the change: the logarithm of what a slide leaves over what rest does (`rest_or_slide`) is normal, with
+the same deviation, around that of "clearly better" on either side. One bin says little, but what tilts goes on to.
+
+A Markov chain of three states, "rests", "tilts" and "slides", turns ratios into odds: forward for a stream, forward and
+backward for a recording.
 """
 
 from __future__ import annotations
@@ -15,6 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.rest_or_slide import Unexplained
+from taxelflow.numerics.robust import CLEARLY
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +56,9 @@ CHANGE = _Change()
 AT_REST = -0.5 * float(np.log(CHANGE.slip_factor) / CHANGE.spread) ** 2
 """Log likelihood ratio of a change of the pattern as it is at rest."""
 REST_S, SLIDE_S = 5.0, 0.7
-"""Prior mean durations of rest and of a slip in the hand."""
+"""Prior mean durations of rest and of a slip in the hand. An object that tilts does so for as long as one rests."""
+UNTOUCHED = np.array([[1.0], [0.0], [0.0]])
+"""(3, 1), probabilities of the states where there is no contact."""
 
 
 def first_growths() -> deque[float]:
@@ -70,6 +80,32 @@ def log_likelihood_ratio(
     return ratio
 
 
+def looks_like_slip(share: Floats, noise_power: Floats, rise: Floats) -> Bools:
+    """Whether a change is as in a slip, if a contact does not change with its load."""
+    with np.errstate(invalid="ignore"):
+        found: Bools = log_likelihood_ratio(share, noise_power, rise, np.zeros_like(rise)) > 0.0
+    return found
+
+
+def tilt_over_slide(left: Unexplained) -> float:
+    """Log likelihood ratio of "tilts" against "slides"; NaN where rest fits all readings.
+
+    The logarithm of a root of chi-square, a degree of freedom, has half of the variance and of the bias that that of
+    chi-square has: few taxels say little.
+    """
+    rest, slide = 0.5 / left.free_rest, 0.5 / left.free_slide
+    return 2.0 * float(np.log(CLEARLY)) / (CHANGE.spread**2 + rest + slide) * (left.log_ratio() - rest + slide)
+
+
+def tilt_log_ratio(log_ratio: Floats, tilt: Floats) -> Floats:
+    """Log likelihood ratio of "tilts" against "rests", of a change with this one of "slides" against "rests".
+
+    tilt: that of "tilts" against "slides"; where it is NaN, a change that is as in a slip is no tilt.
+    """
+    found: Floats = np.where(np.isnan(tilt), np.minimum(log_ratio, 0.0), log_ratio + tilt)
+    return found
+
+
 def distance(share: Floats, rest: Floats | float, noise_power: Floats, rise: Floats, growth: Floats) -> Floats:
     """Of the logarithm of a change from its mean at rest, standard deviations. rest: the change at a steady load."""
     usual = rest**2 + (growth * rise) ** 2 + noise_power
@@ -85,32 +121,34 @@ def joint_log_likelihood_ratio(pattern: Floats, shear: Floats) -> Floats:
     return ratio
 
 
-def predicted(odds: Floats, step_s: float) -> Floats:
-    """Prior odds of a slip after this time."""
-    begins, ends = _transitions(step_s)
-    ahead: Floats = (begins + odds * (1 - ends)) / (1 - begins + odds * ends)
-    return ahead
+def updated(shares: Floats, log_ratios: Floats, touching: Bools, step_s: float) -> Floats:
+    """(3, pads), probabilities of the states after one more bin: rests where there is no contact.
 
-
-def updated(odds: Floats, log_ratio: Floats, touching: Bools, step_s: float) -> Floats:
-    """(pads,), odds after one more bin: no evidence where the ratio is NaN, rest where there is no contact."""
-    factor = np.exp(np.where(np.isnan(log_ratio), 0.0, log_ratio))
-    after: Floats = np.where(touching, predicted(odds, step_s) * factor, 0.0)
-    return after
-
-
-def looked_back(later: Floats, log_ratio: Floats, touching: Bools, step_s: float) -> Floats:
-    """(pads,), factor on the odds of a bin by all bins after it.
-
-    later: that of the next bin, whose ratio and contact these are, step_s after.
+    shares: those before it. log_ratios: (2, pads), of "tilts" and of "slides" against "rests"; NaN is no evidence.
     """
-    begins, ends = _transitions(step_s)
-    factor = later * np.exp(np.where(np.isnan(log_ratio), 0.0, log_ratio))
-    before = (ends + (1 - ends) * factor) / (1 - begins + begins * factor)
-    return np.where(touching, before, 1.0)
+    after = (_transitions(step_s).T @ shares) * _factors(log_ratios)
+    known: Floats = np.where(touching, after / after.sum(axis=0), UNTOUCHED)
+    return known
 
 
-def _transitions(step_s: float) -> tuple[float, float]:
-    """Probabilities that a slip begins, and that it ends, within a time; the first bin has none before it."""
+def looked_back(later: Floats, log_ratios: Floats, touching: Bools, step_s: float) -> Floats:
+    """(3, pads), factors on the states of a bin by all bins after it.
+
+    later: those of the next bin, whose ratios and contact these are, step_s after.
+    """
+    before = _transitions(step_s) @ (later * _factors(log_ratios))
+    known: Floats = np.where(touching, before / before.max(axis=0), 1.0)
+    return known
+
+
+def _factors(log_ratios: Floats) -> Floats:
+    """(3, pads), likelihoods of a bin, of the states over that of "rests"."""
+    return np.concatenate([np.ones_like(log_ratios[:1]), np.exp(np.nan_to_num(log_ratios, nan=0.0))])
+
+
+def _transitions(step_s: float) -> Floats:
+    """(3, 3), probability of each state after a time, from each state; the first bin has none before it."""
     step_s = min(step_s, REST_S)
-    return float(-np.expm1(-step_s / REST_S)), float(-np.expm1(-step_s / SLIDE_S))
+    begins, stays = float(-np.expm1(-step_s / REST_S)), float(np.exp(-step_s / SLIDE_S))
+    same, other = (1 - begins) * (1 - begins), (1 - begins) * begins
+    return np.array([[same, other, begins], [other, same, begins], [1 - stays, 0.0, stays]])

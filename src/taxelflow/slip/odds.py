@@ -15,10 +15,12 @@ from taxelflow.slip.evidence import (
     CHANGE,
     REST_S,
     SLIDE_S,
+    UNTOUCHED,
     distance,
     joint_log_likelihood_ratio,
     log_likelihood_ratio,
     looked_back,
+    tilt_log_ratio,
     updated,
 )
 from taxelflow.slip.pattern_change import BINS
@@ -66,12 +68,14 @@ class Odds:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Bin:
-    """One bin: (pads,) each, but for its first time. longer: (pads, baselines), log odds by longer baselines alone."""
+    """One bin: (pads,) each, but for its first time. log_ratios: (2, pads), see `updated`. shares: (3, pads),
+    probabilities of the states. longer: (pads, baselines), log odds by longer baselines alone.
+    """
 
     since_s: float
-    log_ratio: Floats
+    log_ratios: Floats
     touching: Bools
-    odds: Floats
+    shares: Floats
     restless: Bools
     longer: Floats
 
@@ -85,9 +89,9 @@ class _Forward:
         self._restless, self._shear = RestlessPads(pads, window), ShearRest(pads)
         self._pose = PoseRest(pitch_m, window)
         self._slipped = np.zeros(pads, dtype=np.bool_)
-        nothing = np.full(pads, np.nan)
-        untouched = np.zeros(pads, dtype=np.bool_)
-        self.last = _Bin(-np.inf, nothing, untouched, np.zeros(pads), untouched, np.full((pads, longer), np.nan))
+        nothing, untouched = np.full((2, pads), np.nan), np.zeros(pads, dtype=np.bool_)
+        shares = np.repeat(UNTOUCHED, pads, axis=1)
+        self.last = _Bin(-np.inf, nothing, untouched, shares, untouched, np.full((pads, longer), np.nan))
 
     def step(self, slipping: Bools, slips: Slips, changes: PatternChanges, rested: Bools) -> list[tuple[int, _Bin]]:
         """Bins that are judged in these scans, each with the scan.
@@ -106,12 +110,15 @@ class _Forward:
             self._restless.update(slipped, changes, scan, ratio, rested[scan])
             if np.isfinite(changes.spread[scan]).any():
                 ratio = self._joint(changes, scan, ratio, usual)
+            sheared = np.isfinite(changes.spread[scan])  # that knows a slide from a tilt
+            tilts = np.where(sheared, 0.0, tilt_log_ratio(ratio, changes.tilt[scan]))
             rests = self._pose.step(slips, scan, slipped)
             ratio = np.where(rests, np.fmin(ratio, AT_REST), ratio)
             self._slipped, start = np.zeros_like(slipped), scan + 1
-            odds = updated(self.last.odds, ratio, touching, since_s - self.last.since_s)
+            ratios = np.stack([tilts, ratio])
+            shares = updated(self.last.shares, ratios, touching, since_s - self.last.since_s)
             longer = self._by_longer(changes.longer[scan])
-            self.last = _Bin(since_s, ratio, touching, odds, self._restless.restless, longer)
+            self.last = _Bin(since_s, ratios, touching, shares, self._restless.restless, longer)
             found.append((scan, self.last))
         if np.count_nonzero(slipping[start:]):
             self._slipped = self._slipped | slipping[start:].any(axis=0)
@@ -201,15 +208,15 @@ class OfflineOdds:
 def _smoothed(bins: list[_Bin]) -> list[_Bin]:
     """Bins with the odds that also regard the bins after them in the list; all are as restless as the last."""
     found: list[_Bin] = []
-    later = np.ones(0)
+    later = np.ones((3, 0))
     for number in range(len(bins) - 1, -1, -1):
         one = bins[number]
         if number == len(bins) - 1:
-            later = np.ones_like(one.odds)
+            later = np.ones_like(one.shares)
         else:
             after = bins[number + 1]
-            later = looked_back(later, after.log_ratio, after.touching, after.since_s - one.since_s)
-        found.append(replace(one, odds=one.odds * later, restless=bins[-1].restless))
+            later = looked_back(later, after.log_ratios, after.touching, after.since_s - one.since_s)
+        found.append(replace(one, shares=one.shares * later, restless=bins[-1].restless))
     return found[::-1]
 
 
@@ -239,4 +246,5 @@ def _highest(values: Floats, bins: int) -> Floats:
 def _log(one: _Bin) -> Floats:
     """Log odds; NaN before any evidence of a contact."""
     with np.errstate(divide="ignore"):
-        return np.where(one.odds > 0, np.log(one.odds), np.nan)
+        log_odds: Floats = np.log(one.shares[2]) - np.log(one.shares[0] + one.shares[1])
+        return np.where(one.shares[2] > 0, log_odds, np.nan)

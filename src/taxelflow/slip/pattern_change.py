@@ -9,6 +9,10 @@ changes the pattern in ways that load and tilt do not. Scans are averaged over b
 after one, q that of the two before it. The unexplained change is the norm of what the least squares fit of g and a
 leaves of y, over that of y. Taxels at the end of their range are left out.
 
+A tilt in proportion to the pressure is that of a contact whose edge stays. A rigid object that a hand tilts or swings
+comes down on one side and lifts off on the other, which changes the pattern as much as a slide. So changes that are as
+in a slip are compared again (`rest_or_slide`).
+
 A slow slide of a smooth object is a tilt over 0.3 s, but not over a second: its shift is no longer small beside the
 width of the pattern. So a recording is compared over longer baselines, too.
 """
@@ -22,7 +26,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from taxelflow.numerics.bins import BIN_S, Bin, Binning
+from taxelflow.numerics.rest_or_slide import comparable, compare, covers
 from taxelflow.numerics.rounding import ROUNDING, SIGNIFICANT
+from taxelflow.sensors.skins import skin_of
+from taxelflow.slip.evidence import looks_like_slip, tilt_over_slide
 from taxelflow.slip.shear_change import ShearNoise, spread
 
 if TYPE_CHECKING:
@@ -42,7 +49,7 @@ class _Bins(NamedTuple):
 BINS = _Bins()
 STEADY_RISE = 0.1
 """Change of the log load above which a grip closes or opens: the contact is not at rest."""
-_OWN = 6
+_OWN = 7
 """Values of a pad and bin beside those of longer baselines."""
 _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """Places of a symmetric matrix in its six elements."""
@@ -69,6 +76,7 @@ class PatternChanges:
     noise: Floats
     rise: Floats
     stirred: Floats
+    tilt: Floats
     spread: Floats
     spread_noise: Floats
     longer: Floats
@@ -82,7 +90,7 @@ class PatternWatch:
 
     def __init__(self, layout: Layout, creep_m_s: float, after: int, longer: tuple[int, ...] = ()) -> None:
         """creep_m_s: see `SlipMonitor`. after: bins after the one that is judged. longer: bins of longer baselines."""
-        self._starts = layout.starts[:-1]
+        self._layout, self._starts = layout, layout.starts[:-1]
         place_m = np.stack([layout.x_m, layout.y_m])
         count = np.diff(layout.starts)
         total_m = np.add.reduceat(place_m, self._starts, axis=1)
@@ -145,10 +153,13 @@ class PatternWatch:
         return bins[first - BINS.before : first], bins[len(bins) - self._after :]
 
     def _compare(self, noise: Floats, found: Floats) -> None:
-        """Fill in, of (6 and 3 of each longer baseline, pads), unexplained, noise, rise and stirred, and the longer
-        ones. noise: (entries,).
+        """Fill in, of (7 and 3 of each longer baseline, pads), unexplained, noise, rise, stirred and tilt, and the
+        longer ones. noise: (entries,).
         """
         found[:4] = self._changed(noise, 1)
+        if self._layout.unseen_error:
+            for pad in np.flatnonzero(looks_like_slip(*found[:3])).tolist():
+                found[4, pad] = self._tilt(pad, noise)
         for number, between in enumerate(self._longer):
             if len(self._bins) >= BINS.before + between + self._after:
                 first = _OWN + 3 * number
@@ -188,8 +199,21 @@ class PatternWatch:
         known = np.where(valid, (unexplained, noise_power, rise), np.nan)
         return np.concatenate([known, np.where(steady, stirred, np.nan)[np.newaxis]])
 
+    def _tilt(self, pad: int, noise: Floats) -> float:
+        """See `PatternChanges`. noise: (entries,)."""
+        own, (before, after) = self._layout.of_pad(pad), self._sides()
+        (old, old_scans), (new, new_scans) = _mean(before), _mean(after)
+        old, new = old[own], new[own]
+        if covers(old, new) or not comparable(old, new):
+            return np.nan
+        one = float(np.median(noise[own]) * np.sqrt(1.0 / old_scans + 1.0 / new_scans))
+        skin, way = skin_of(self._layout, pad), np.zeros(3)
+        for pattern, sign in ((new, 1.0), (old, -1.0)):
+            way[:2] += sign * np.average(skin.places, axis=0, weights=np.maximum(pattern, 0.0))
+        return tilt_over_slide(compare(skin, old, new, one, way, sinks=False))
+
     def _compare_shear(self, variance: Floats, found: Floats) -> None:
-        """Fill in, of (6 and more, pads), the last of six where the pattern is known: spread and its noise. variance:
+        """Fill in, of (7 and more, pads), the last of seven where the pattern is known: spread and its noise. variance:
         (pads,).
         """
         before, after = self._sides()
@@ -201,7 +225,7 @@ class PatternWatch:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             power, per_variance = spread((old, new), shear, self._starts)
             noise = per_variance * variance * (1 / old_scans + 1 / new_scans)
-        found[4:_OWN] = np.where(np.isfinite(found[0] + power), (power, noise), np.nan)
+        found[5:_OWN] = np.where(np.isfinite(found[0] + power), (power, noise), np.nan)
 
 
 def _mean(bins: list[Bin]) -> tuple[Floats, int]:

@@ -11,7 +11,7 @@ to consent to a slip by the pose. The pattern from before it began is compared w
   of `evidence` decide;
 - it consents where less than half of the load is on taxels that were loaded before: the object has come that far, by
   sliding or by rolling;
-- where shear is measured, too, odds for a slip are enough: they know more than the pattern does.
+- odds for a slip (`odds`) are enough: they know a tilt from a slide, over 0.3 s, where the place is still in sight.
 
 Else the slip is suspected. Patterns are compared until a slide is clearly better: a slip that lasts while rest is may
 be none (`RestlessPads`). The interval that is compared begins with the slip: the longer the way, the clearer the

@@ -70,7 +70,7 @@ class SlipStage:
         """The options are those of `SlipMonitor`. judged: see `SlipMonitor.watch`."""
         pads, parameters = layout.pads, parameter_records(alarms_per_hour, load_m, creep_m_s, settle_s)
         bins = (AFTER.live, ()) if stream else (AFTER.recorded, BINS.longer)
-        self._sheared = False  # a second witness, whose odds consent to a slip where the pattern alone does not
+        self._sheared = False  # a second witness, with which longer baselines consent to a slip, too
         self._watch = PatternWatch(layout, creep_m_s, *bins)
         self._detector = (SlipSession if stream else OfflineSlipSession)(pads, parameters)
         self._odds = (LiveOdds if stream else OfflineOdds)(layout.pitch_m)
@@ -145,8 +145,9 @@ class SlipStage:
         if self._ahead_s:
             decisive = self._begun.step(odds, flags & (slips.quality[: len(flags)] == OK), slips.t_s)
         soon_s, begun_s = self._dated(since_s, flags, slips.t_s, count)
-        if self._sheared:
-            soon_s = np.where(odds.soon > 0.0, np.fmin(soon_s, slips.t_s[:count, np.newaxis]), soon_s)
+        # Odds know a tilt from a slide, over a short way; longer baselines need shear to know it.
+        for_slip = odds.soon if self._sheared else odds.log_odds
+        soon_s = np.where(for_slip > 0.0, np.fmin(soon_s, slips.t_s[:count, np.newaxis]), soon_s)
         self._since_s = [since_s[count:]] if len(since_s) > count else []
         left = len(slips) > count
         self._slips = [cut(slips, count, len(slips))] if left else []
