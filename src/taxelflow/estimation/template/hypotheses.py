@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import add
 from typing import TYPE_CHECKING
 
@@ -16,10 +16,10 @@ from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE
 from taxelflow.estimation.template.rivals import agreement, apart_by_growth, apart_by_turn, reported
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
+from taxelflow.estimation.template.scan_gains import normalize_gains
 from taxelflow.estimation.template.solution import Solved
 from taxelflow.estimation.template.turning import (
     UNCONVERGED,
-    diagonals_of,
     explains_far_more,
     explains_no_less,
     keeps_its_angle,
@@ -35,24 +35,10 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
-FIRST_GAIN_STD, _LEAST_GAIN_STD = 0.3, 0.02
-"""Prior standard deviation of the gains in a coarse fit, and the least that is learned later."""
+FIRST_GAIN_STD = 0.3
+"""Prior standard deviation of the gains in a coarse fit."""
 _FIRST_ROUNDS, _ROUNDS = 4, (3, 3)
 """Rounds of a coarse fit, and of each fit of a refinement. More rounds fit errors of real skins, not the object."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Gains:
-    """Gains of a contact."""
-
-    well_known: float = 0.6
-    spread: tuple[float, float] = (0.05, 0.95)
-    """Quantiles: gains with a variance below the first are used; their spread is the distance of the other two."""
-    least: float = 0.05
-    """Lower limit of the mean gain by which all are divided."""
-
-
-_GAINS = _Gains()
 ENOUGH_SCANS = 8
 """Scans from which the spread of the gains is learned."""
 _MAY_BE_STRAIGHT = 2.0 * COARSE
@@ -93,14 +79,21 @@ def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None)
 def _cheapest(scanned: Scanned, starts: list[Solved], extra: list[float]) -> Solved:
     """The cheapest of the fits refined from starts, the cheapest first; and whether another start agrees with it.
 
-    Of few scans all are refined: they end in minima of their own. extra: see `solve`, what each costs more.
+    extra: see `solve`, what each costs more.
     """
-    fits = [refined(scanned, one) for one in (starts if len(scanned) < ENOUGH_SCANS else starts[:1])]
+    fits = [refined(scanned, one) for one in (starts if _starts_differ(scanned) else starts[:1])]
     costs = [cost(one, scanned) + more for one, more in zip(fits, extra, strict=False)]
     first = costs.index(min(costs))
     for other in [one for k, one in enumerate(starts) if k != first][:1]:
         fits[first].agrees = agreement(fits[first], other)
     return fits[first]
+
+
+def _starts_differ(scanned: Scanned) -> bool:
+    """Whether all starts are refined: fits of few scans end in different minima. With an `unseen_error` it does not pay:
+    a minimum may be the lowest by what faults of the taxels explain.
+    """
+    return len(scanned) < ENOUGH_SCANS and not scanned.unseen_error
 
 
 def _rigid(scanned: Scanned, solved: list[Solved], others: list[Solved]) -> Solved:
@@ -202,7 +195,7 @@ def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
     mapper = IncrementalMapper(scanned, start_scan(scanned), scanned.precision(turns=turns, gain_std=FIRST_GAIN_STD))
     mapper.register_all()
     starts = [mapper.states, centred(scanned, mapper.states)]
-    if len(scanned) < ENOUGH_SCANS:
+    if _starts_differ(scanned):
         starts.append(mapper.steady())
     return [coarse(scanned, states, turns=turns) for states in starts]
 
@@ -281,20 +274,3 @@ def _refined(scanned: Scanned, start: Solved, *, most_error: float) -> Solved:
             centre(own.pattern, scanned, own.states)
     own.error = learned_error(own.fit, scanned)
     return own
-
-
-def normalize_gains(solved: Solved) -> float:
-    """Normalise the gains to mean 1, in place, by scaling pattern and depth; returns their standard deviation.
-
-    Both are taken from the scans that determine their gain best.
-    """
-    variance, gains = diagonals_of(solved.fit.covariance).gain, states_of(solved.states).gain
-    well = variance <= np.quantile(variance, _GAINS.well_known)
-    mean = max(float(np.median(gains[well])), _GAINS.least)
-    low, high = np.quantile(gains[well], _GAINS.spread)
-    spread = float(high - low) / 3.29  # of a normal distribution; a load that changes for a short time counts, too
-    gains /= mean
-    solved.depth *= mean
-    solved.pattern.coefficients = solved.pattern.coefficients * mean
-    solved.pattern.smoothing /= mean**2
-    return float(np.sqrt(max(spread**2 - float(np.median(variance[well])), _LEAST_GAIN_STD**2)))
