@@ -90,8 +90,8 @@ def _cheapest(scanned: Scanned, starts: list[Solved], extra: list[float]) -> Sol
 
 
 def _starts_differ(scanned: Scanned) -> bool:
-    """Whether all starts are refined: fits of few scans end in different minima. With an `unseen_error` it does not pay:
-    a minimum may be the lowest by what faults of the taxels explain.
+    """Whether all starts are refined: fits of few scans end in different minima. With an `unseen_error` it does not
+    pay: a minimum may be the lowest by what faults of the taxels explain.
     """
     return len(scanned) < ENOUGH_SCANS and not scanned.unseen_error
 
