@@ -57,35 +57,36 @@ def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None)
     turns = [False] if scanned.across.any() else [False, True]
     tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
     tried += [one for turn in turns for one in grown(scanned, tried[0].states, turns=turn)]
-    extra = [0.0] * len(tried)
+    handicaps = [0.0] * len(tried)
     for again in [] if known is None else _from_known(scanned, known, turns):
-        dearer = [UNCONVERGED * len(scanned) if one.kind == again.kind else 0.0 for one in tried]
-        extra = [*map(add, extra, dearer), 0.0]
+        own = [UNCONVERGED * len(scanned) if one.kind == again.kind else 0.0 for one in tried]
+        handicaps = [*map(add, handicaps, own), 0.0]
         tried.append(again)
-    costs = [cost(one, scanned) + more for one, more in zip(tried, extra, strict=True)]
+    costs = [cost(one, scanned) + more for one, more in zip(tried, handicaps, strict=True)]
     limit = min(costs) + _FAR_WORSE * len(scanned)
     solved, others = [], []
     for kind in dict.fromkeys(one.kind for one in tried):
-        own = sorted((price, k) for k, price in enumerate(costs) if tried[k].kind == kind)
-        near = [k for price, k in own if price <= limit]
+        ranked = sorted((price, k) for k, price in enumerate(costs) if tried[k].kind == kind)
+        near = [k for price, k in ranked if price <= limit]
         if near:
-            solved.append(_cheapest(scanned, [tried[k] for k in near], [extra[k] for k in near]))
+            solved.append(_cheapest(scanned, [tried[k] for k in near], [handicaps[k] for k in near]))
         else:
-            others.append(tried[own[0][1]])
+            others.append(tried[ranked[0][1]])
     rigid = _rigid(scanned, solved, others)
     return _sunk(scanned, solved, rigid) if sinks else rigid
 
 
-def _cheapest(scanned: Scanned, starts: list[Solved], extra: list[float]) -> Solved:
-    """The cheapest of the fits refined from starts, the cheapest first; and whether another start agrees with it.
+def _cheapest(scanned: Scanned, starts: list[Solved], handicaps: list[float]) -> Solved:
+    """The cheapest of the fits refined from starts, and whether another start agrees with it.
 
-    extra: see `solve`, what each costs more.
+    starts: coarse fits, the cheapest first. handicaps: what is added to the cost of each, see `solve`.
     """
     fits = [refined(scanned, one) for one in (starts if _starts_differ(scanned) else starts[:1])]
-    costs = [cost(one, scanned) + more for one, more in zip(fits, extra, strict=False)]
+    costs = [cost(one, scanned) + more for one, more in zip(fits, handicaps, strict=False)]
     first = costs.index(min(costs))
-    for other in [one for k, one in enumerate(starts) if k != first][:1]:
-        fits[first].agrees = agreement(fits[first], other)
+    others = starts[:first] + starts[first + 1 :]
+    if others:
+        fits[first].agrees = agreement(fits[first], others[0])
     return fits[first]
 
 
