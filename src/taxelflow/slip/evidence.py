@@ -5,9 +5,9 @@ the change that every soft skin shows, of growth under load and of noise; in a s
 large. So are those of the spread of the change of shear (`shear_change.py`), where a sensor has it, and the ratio is
 that of both together.
 
-An object that a hand tilts or swings changes its pattern as much as one that slides. What tells them apart is which of
+An object that a hand tilts or swings changes its pattern as much as one that slides. What separates them is which of
 the two explains the change: the logarithm of what a slide leaves over what rest does (`rest_or_slide`) is normal, with
-the same deviation, around that of "clearly better" on either side. One bin says little, but what tilts goes on to.
+the same deviation, around that of "clearly better" on either side. One bin shows little, but what tilts goes on to.
 
 A Markov chain of three states, "rests", "tilts" and "slides", turns ratios into odds: forward for a stream, forward and
 backward for a recording.
@@ -91,7 +91,7 @@ def tilt_over_slide(left: Unexplained) -> float:
     """Log likelihood ratio of "tilts" against "slides"; NaN where rest fits all readings.
 
     The logarithm of a root of chi-square, a degree of freedom, has half of the variance and of the bias that that of
-    chi-square has: few taxels say little.
+    chi-square has: few taxels show little.
     """
     rest, slide = 0.5 / left.free_rest, 0.5 / left.free_slide
     return 2.0 * float(np.log(CLEARLY)) / (CHANGE.spread**2 + rest + slide) * (left.log_ratio() - rest + slide)
