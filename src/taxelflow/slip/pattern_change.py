@@ -34,6 +34,7 @@ from taxelflow.slip.shear_change import ShearNoise, spread
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Scans
+    from taxelflow.numerics.slid import Skin
     from taxelflow.sensors.layout import Layout
 
 
@@ -158,8 +159,11 @@ class PatternWatch:
         """
         found[:4] = self._changed(noise, 1)
         if self._layout.unseen_error:
+            (old, old_scans), (new, new_scans) = (_mean(side) for side in self._sides())
+            scatter = noise * np.sqrt(1.0 / old_scans + 1.0 / new_scans)
             for pad in np.flatnonzero(looks_like_slip(*found[:3])).tolist():
-                found[4, pad] = self._tilt(pad, noise)
+                own = self._layout.of_pad(pad)
+                found[4, pad] = _tilt(skin_of(self._layout, pad), old[own], new[own], scatter[own])
         for number, between in enumerate(self._longer):
             if len(self._bins) >= BINS.before + between + self._after:
                 first = _OWN + 3 * number
@@ -199,19 +203,6 @@ class PatternWatch:
         known = np.where(valid, (unexplained, noise_power, rise), np.nan)
         return np.concatenate([known, np.where(steady, stirred, np.nan)[np.newaxis]])
 
-    def _tilt(self, pad: int, noise: Floats) -> float:
-        """See `PatternChanges`. noise: (entries,)."""
-        own, (before, after) = self._layout.of_pad(pad), self._sides()
-        (old, old_scans), (new, new_scans) = _mean(before), _mean(after)
-        old, new = old[own], new[own]
-        if covers(old, new) or not comparable(old, new):
-            return np.nan
-        one = float(np.median(noise[own]) * np.sqrt(1.0 / old_scans + 1.0 / new_scans))
-        skin, way = skin_of(self._layout, pad), np.zeros(3)
-        for pattern, sign in ((new, 1.0), (old, -1.0)):
-            way[:2] += sign * np.average(skin.places, axis=0, weights=np.maximum(pattern, 0.0))
-        return tilt_over_slide(compare(skin, old, new, one, way, sinks=False))
-
     def _compare_shear(self, variance: Floats, found: Floats) -> None:
         """Fill in, of (7 and more, pads), the last of seven where the pattern is known: spread and its noise. variance:
         (pads,).
@@ -226,6 +217,17 @@ class PatternWatch:
             power, per_variance = spread((old, new), shear, self._starts)
             noise = per_variance * variance * (1 / old_scans + 1 / new_scans)
         found[5:_OWN] = np.where(np.isfinite(found[0] + power), (power, noise), np.nan)
+
+
+def _tilt(skin: Skin, old: Floats, new: Floats, scatter: Floats) -> float:
+    """See `PatternChanges`: of a pad's patterns (taxels,), whose difference has these standard deviations (taxels,)."""
+    if covers(old, new) or not comparable(old, new):
+        return np.nan
+    way = np.zeros(3)
+    for pattern, sign in ((new, 1.0), (old, -1.0)):
+        load = np.maximum(pattern, 0.0)
+        way[:2] += sign / load.sum() * (load @ skin.places)
+    return tilt_over_slide(compare(skin, old, new, float(np.median(scatter)), way, sinks=False))
 
 
 def _mean(bins: list[Bin]) -> tuple[Floats, int]:
