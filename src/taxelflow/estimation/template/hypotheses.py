@@ -177,9 +177,7 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
     held = [one for one in ranked if not one.turns]
     free = [one for one in ranked if one.turns and one.form == best.form]
     if best.turns and held:
-        saved = cost(held[0], scanned) - cost(best, scanned)
-        sure = saved > UNCONVERGED * len(scanned) and turns_surely(best, scanned)
-        if not (sure or explains_far_more(best, held[0], scanned)):
+        if not (turns_surely(best, scanned) or explains_far_more(best, held[0], scanned)):
             return held[0]
         return replace(best, shown=keeps_its_angle(best, scanned) or outweighs_faults(best, held[0], scanned))
     if best.turns or not free:
