@@ -8,7 +8,7 @@ from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
 from taxelflow.runtime.compiling import routine
 
-_LOADED, _BRIDGE = range(-1, -3, -1)
+_LOADED, _BRIDGE = -1, -2
 """Marks of taxels that have no component yet: loaded ones, and ones without a reading among them."""
 _MIN_LOADED_NEIGHBOURS = 2
 """A taxel without a reading is bridged if at least this many neighbours are loaded."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from scipy.special import chdtri
 
 from taxelflow.fusion.hand_frame import Carried
 from taxelflow.fusion.misfit import MISFIT
@@ -35,7 +34,7 @@ class _Robust(NamedTuple):
     """Gauss-Newton steps at most."""
     plain: int = 3
     """First steps without robust weights: there a residual may be the motion since the last scan."""
-    far: float = round(float(chdtri(3.0, 0.01)), 2)
+    far: float = 11.34
     """Chi-square above which a contact weighs less (Huber): the 99 % point of three degrees of freedom."""
     student: float = 4.0
     """Degrees of freedom of the Student t weights, with which a wrong contact hardly affects the misfit."""

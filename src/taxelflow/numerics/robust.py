@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ndtri
 
 from taxelflow.messages import Floats
 from taxelflow.runtime.compiling import inlined, kernel
 
-MAD_TO_SIGMA = round(1.0 / float(ndtri(0.75)), 4)
+MAD_TO_SIGMA = 1.4826
 """Standard deviation of normal numbers over their median absolute deviation, which is their upper quartile."""
 HUBER = 5.0
 """Standard deviations above which a reading of a registered scan weighs less."""

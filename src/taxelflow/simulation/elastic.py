@@ -45,10 +45,10 @@ class _Grid:
 
 _GRID = _Grid()
 
-_QUARTIC = round(15.0 * np.pi**1.5 / 128.0, 4)
+_QUARTIC = 0.6525
 """A punch of profile C r^4 touches up to r = a under a force of 64/15 E* C a^5 (Sneddon, 1965), which is that of the
-airbag p0 exp(-(r/a)^4), pi^1.5/2 p0 a^2, if C = 0.6525 p0 / (E* a^3). Its pressure, (1 + 2 r^2/a^2) sqrt(1 - r^2/a^2),
-then peaks at 1.04 p0."""
+airbag p0 exp(-(r/a)^4), pi^1.5/2 p0 a^2, if C = 15 pi^1.5/128 p0 / (E* a^3). Its pressure,
+(1 + 2 r^2/a^2) sqrt(1 - r^2/a^2), then peaks at 1.04 p0."""
 _CONVERGED = 100 * _GRID.tolerance
 """Relative error below which a solution is accepted."""
 

@@ -37,7 +37,7 @@ class _Charge:
     bytes: int = 1024
     """Of a record."""
     records: int = 4096
-    """So many are charged at once."""
+    """Records that are charged at once."""
 
 
 _CHARGE = _Charge()
