@@ -23,13 +23,16 @@ ITERATING = ("template", "registration", "principal_axis")
 UNDECIDED = frozenset(
     {
         "bulb-pull/template/stream",
+        "feet-lift/template/stream",
         "press/template/stream",
         "sdh-bags/slip_up.bag/template/batch",
+        "sdh-dsa/slip_and_rotation_teapot_handle.dsa/lnorm/batch",
         "sdh-dsa/slip_and_rotation_teapot_handle.dsa/lnorm/stream",
         "sdh-dsa/slip_and_rotation_teapot_handle.dsa/template/batch",
         "sdh-dsa/slip_and_rotation_teapot_handle.dsa/template/stream",
         "sdh-dsa/tennisball.dsa/template/stream",
         "stick-slip/template/stream",
+        "stroke/template/batch",
         "two-contacts/template/stream",
     }
 )

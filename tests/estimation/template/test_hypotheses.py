@@ -161,3 +161,10 @@ def test_a_ring_whose_load_friction_shifts_has_a_rival_that_does_not_turn() -> N
     assert found.turns
     assert np.ptp(found.states[:, 2]) > 0.5
     assert np.sqrt(np.mean(found.rival[:, 2] ** 2)) > 0.2  # none: the turn had a standard deviation of 1 deg
+
+
+@pytest.mark.long
+def test_contacts_that_turn_over_the_hand_have_their_angle_though_it_saves_little() -> None:
+    slips = api.estimate(simulate(SCENARIOS["slide-and-turn-over-hand"]), "template").slips
+    known = [np.isfinite(slips.pose[held, pad, 2]).all() for pad, held in enumerate(slips.contact.T) if held.any()]
+    assert sum(known) >= 5  # 4 of 7 when an angle had to save 1 of the cost per scan

@@ -153,8 +153,8 @@ def _straight(scanned: Scanned, turned: Solved) -> Solved:
 def likeliest(solved: list[Solved], scanned: Scanned) -> Solved:
     """The hypothesis of the lowest cost, with the distance to its rivals.
 
-    One with a free angle is chosen only if its angle is observable and its cost clearly lower; if it costs more, only
-    if the angle is observable in the pattern of the other, too.
+    One with a free angle is chosen only if its angle is observable: in the pattern of the other, too, if its cost is
+    not clearly lower.
     """
     return _beside(_chosen(solved, scanned), solved, scanned)
 
@@ -177,7 +177,9 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
     held = [one for one in ranked if not one.turns]
     free = [one for one in ranked if one.turns and one.form == best.form]
     if best.turns and held:
-        if not (turns_surely(best, scanned) or explains_far_more(best, held[0], scanned)):
+        saved = cost(held[0], scanned) - cost(best, scanned)
+        sure = saved > UNCONVERGED * len(scanned) or shows_angle(held[0], best, scanned)
+        if not ((sure and turns_surely(best, scanned)) or explains_far_more(best, held[0], scanned)):
             return held[0]
         return replace(best, shown=keeps_its_angle(best, scanned) or outweighs_faults(best, held[0], scanned))
     if best.turns or not free:
