@@ -124,7 +124,9 @@ def linearise(
         theta = seen.theta[scan, pad]
         turns = anchor.turns and np.isfinite(theta)
         place_covariance(seen, scan, pad, covariance)
-        covariance += anchor.covariance
+        for a in range(3):
+            for b in range(3):
+                covariance[a, b] += anchor.covariance[a, b]
         if not turns:
             covariance[2, 2] = np.nan
         fill_information(covariance, True, contacts.W[pad])

@@ -14,7 +14,7 @@ from taxelflow.fusion.reference import UNOBSERVABLE_M_S
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.numerics.se3 import copy_matrix
-from taxelflow.runtime.compiling import lean_kernel, routine
+from taxelflow.runtime.compiling import inlined, lean_kernel, routine
 
 _SMALL = 0.01
 """Tangents below which three terms of the arctangent's series are used, exact to 1e-15 rad."""
@@ -161,13 +161,15 @@ def add_covariance(of_noise: float, of_rest: float, own: Floats, noise: Floats, 
             total[a, b] += of_noise * noise[a, b] + of_rest * (own[a, b] - noise[a, b])
 
 
-@routine
-def put_under(frame: Floats, under: Floats) -> Floats:
-    """(3,): point of a frame (4, 4) at coordinates (3,)."""
-    point = np.empty(3)
-    for i in range(3):
-        point[i] = frame[i, 3] + frame[i, 0] * under[0] + frame[i, 1] * under[1] + frame[i, 2] * under[2]
-    return point
+@inlined
+def put_under(frame: Floats, under: Floats) -> tuple[float, float, float]:
+    """Point of a frame (4, 4) at coordinates (3,)."""
+    x, y, z = under[0], under[1], under[2]
+    return (
+        frame[0, 3] + frame[0, 0] * x + frame[0, 1] * y + frame[0, 2] * z,
+        frame[1, 3] + frame[1, 0] * x + frame[1, 1] * y + frame[1, 2] * z,
+        frame[2, 3] + frame[2, 0] * x + frame[2, 1] * y + frame[2, 2] * z,
+    )
 
 
 @lean_kernel
