@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.online.witness import reported_places, turned_by
+from taxelflow.estimation.template.online.witness import reported_places
 from taxelflow.numerics.bspline import state_of, states_of
+from taxelflow.numerics.geometry import turned
 from taxelflow.numerics.rounding import BLURRED
 
 if TYPE_CHECKING:
@@ -24,10 +25,6 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.online.local_map import LocalMap
     from taxelflow.estimation.template.online.track_state import Track
     from taxelflow.messages import Floats
-
-
-_BLURRED = 2.0 * BLURRED**2
-"""Variance of x and y together from which on a place is known badly, pitches^2: those known better count alike."""
 
 
 class _Place(NamedTuple):
@@ -85,11 +82,11 @@ class Reported:
             return None
         spans[-1] += m.last_t - found[-1].t_s if found[-1] is self._places[-1] else 0.0
         known = np.array([own.variance for own in found])
-        weights = spans / (_BLURRED + known)
+        weights = spans / (2.0 * BLURRED**2 + known)  # places that are not blurred count nearly alike
         states = keyframes.states[[number[own.t_s] for own in found]]
         angles = states_of(states).theta - m.theta_0
         away = np.array([own.place for own in found]) - reported_places(m, states)
-        gaps = np.ascontiguousarray(turned_by(away.T, -angles).T)
+        gaps = turned(away, -angles)
         shares = weights if weights.sum() > 0.0 else None
         mean: Floats = np.average(gaps, axis=0, weights=shares)
         excess = float(np.average(np.sum((gaps - mean) ** 2, axis=1) - known, weights=shares))
@@ -116,4 +113,4 @@ def hold(m: Track, learned: LocalMap, reported: Reported, pitch_m: float) -> Non
         m.wander += 0.5 * float(off @ off)
         return
     m.gauge[:] += off
-    m.before_centre[:2] += pitch_m * turned_by(off, float(state_of(m.state).theta) - m.theta_0)
+    m.before_centre[:2] += pitch_m * turned(off, float(state_of(m.state).theta) - m.theta_0)

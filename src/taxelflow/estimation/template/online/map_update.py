@@ -10,8 +10,7 @@ import numpy as np
 from taxelflow.estimation.template.bundle_adjustment import covariance_of, information_of
 from taxelflow.estimation.template.centre_of_pressure import anchor_of
 from taxelflow.estimation.template.contact_solver import solve_contact
-from taxelflow.estimation.template.deforming import CHANGES, ODOMETRY
-from taxelflow.estimation.template.depth import with_depth
+from taxelflow.estimation.template.deforming import ODOMETRY
 from taxelflow.estimation.template.extrapolation import extrapolate
 from taxelflow.estimation.template.hidden_motion import shown_at_rest
 from taxelflow.estimation.template.hypotheses import (
@@ -23,7 +22,7 @@ from taxelflow.estimation.template.hypotheses import (
 from taxelflow.estimation.template.initialization import IncrementalMapper, start_scan
 from taxelflow.estimation.template.likelihood import cost
 from taxelflow.estimation.template.map import covering, fill
-from taxelflow.estimation.template.observations import COARSE, FINE, Scanned
+from taxelflow.estimation.template.observations import COARSE, FINE, REFUTED, Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
 from taxelflow.estimation.template.online.local_map import SLACK, LocalMap
 from taxelflow.estimation.template.online.reframing import align_gauge
@@ -34,8 +33,8 @@ from taxelflow.numerics.bspline import states_of
 from taxelflow.numerics.robust import GATE, gate
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.anchor import Anchor
-    from taxelflow.estimation.template.online.track_state import PadScan
+    from taxelflow.estimation.template.centre_of_pressure import Anchor
+    from taxelflow.estimation.template.online.hand import PadScan
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
 _STRANGE = 2.0
@@ -142,7 +141,7 @@ def _learn(known: LocalMap) -> LocalMap:
     pattern.doubt = own.doubt
     if count < KEYFRAMES.young:
         return new
-    return _forgetting(new) if new.error > CHANGES else _without_strangers(new, best)
+    return _forgetting(new) if new.error > REFUTED else _without_strangers(new, best)
 
 
 def _anchor(known: LocalMap, gains: Floats, best: Solved) -> Anchor | None:
@@ -159,8 +158,7 @@ def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:
     last = slice(-ODOMETRY.memory, None)
     states, error, own = best.states[last], max(best.error, tilt_std), scanned.taken(last)
     precision = own.precision(turns=best.turns, gain_std=best.gain_std)
-    level = own.amplitude if best.heights else 0.0
-    information = information_of(best.pattern, own, with_depth(states, best.depth[last]), error, precision, level)
+    information = information_of(best.pattern, own, states, error, precision)
     tilted = without_tilt(information, best.pattern, own, states, error, tilt_std)
     more = covariance_of(tilted) - covariance_of(information)
     return float(np.clip(np.median(0.5 * (more[:, 0, 0] + more[:, 1, 1])), 0.0, SLACK.most[0]))
@@ -177,7 +175,7 @@ def _without_strangers(new: LocalMap, best: Solved) -> LocalMap:
 
 def _strange(solved: Solved) -> Bools:
     """(scans,), those that fit far worse than most."""
-    share = solved.fit.chi / np.maximum(solved.fit.counts, 1)
+    share = solved.fit.per_reading
     usual = float(np.median(share))
     most = [_STRANGE * gate(usual, count) for count in solved.fit.counts]
     strange: Bools = share > most

@@ -10,6 +10,7 @@ from taxelflow.estimation.template.bundle_adjustment import covariance_of
 from taxelflow.estimation.template.pose_output import arm_of
 from taxelflow.estimation.template.solution import shown_centre
 from taxelflow.numerics.bspline import states_of
+from taxelflow.numerics.geometry import turned
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
@@ -18,13 +19,13 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 
-def align_gauge(before: Floats, best: Solved, scanned: Scanned, turned: float) -> tuple[Floats, Floats, Floats]:
+def align_gauge(before: Floats, best: Solved, scanned: Scanned, turn: float) -> tuple[Floats, Floats, Floats]:
     """States (n, 5) of a solved contact in the frame of those before (n, 5), the origin (2,) of a frame that grows, and
     how far the states are from those before (n, 5), x and y at the centre of pressure.
 
-    turned: by how much theta differs, the median.
+    turn: by how much theta differs, the median.
     """
-    away = np.array([0.0, 0.0, turned, 0.0, 0.0])
+    away = np.array([0.0, 0.0, turn, 0.0, 0.0])
     if best.grows:
         origin = np.median(before[:, :2] - best.states[:, :2], axis=0)
         off = best.states - before - away
@@ -47,17 +48,10 @@ def _fix_gauge(states: Floats, before: Floats, information: Floats, pattern: Pat
     own = covariance_of(information)
     weight = 1.0 / (own[:, 0, 0] + own[:, 1, 1])
     theta = states_of(states).theta
-    cos, sin = np.cos(theta), np.sin(theta)
-    gap = before - states[:, :2]
-    body = np.array(
-        [
-            _weighted_median(cos * gap[:, 0] + sin * gap[:, 1], weight),
-            _weighted_median(cos * gap[:, 1] - sin * gap[:, 0], weight),
-        ]
-    )
+    gap = turned(before - states[:, :2], -theta)
+    body = np.array([_weighted_median(along, weight) for along in gap.T])
     moved = states.copy()
-    moved[:, 0] += cos * body[0] - sin * body[1]
-    moved[:, 1] += sin * body[0] + cos * body[1]
+    moved[:, :2] += turned(body, theta)
     pattern.lattice = pattern.lattice - np.array([0.0, *body])
     return moved
 

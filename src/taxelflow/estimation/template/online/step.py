@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from taxelflow.estimation.template.online.hand import Hand, Patterns, Rows, Scan
 from taxelflow.estimation.template.online.output import report
-from taxelflow.estimation.template.online.track_state import NOTHING, Hand, Patterns, Rows, Scan, Track
+from taxelflow.estimation.template.online.track_state import NOTHING, Track
 from taxelflow.estimation.template.online.tracking import follow
 from taxelflow.numerics.records import Records
 from taxelflow.runtime.compiling import kernel
