@@ -53,7 +53,7 @@ def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None)
     """
     turns = [False] if scanned.across.any() else [False, True]
     tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
-    tried += [one for turn in turns for one in grown(scanned, tried[0].states, turns=turn)]
+    tried += [replace(one.copy(), turns=turn) for one in _grown(scanned, tried[0].states) for turn in turns]
     handicaps = [0.0] * len(tried)
     for again in [] if known is None else _from_known(scanned, known, turns):
         own = [UNCONVERGED * len(scanned) if one.kind == again.kind else 0.0 for one in tried]
@@ -204,12 +204,12 @@ def _from_known(scanned: Scanned, known: Floats, turns: list[bool]) -> list[Solv
     return [coarse(scanned, known.copy(), turns=turn) for turn in turns if turn or not turned]
 
 
-def grown(scanned: Scanned, rigid: Floats, *, turns: bool) -> list[Solved]:
+def _grown(scanned: Scanned, rigid: Floats) -> list[Solved]:
     """The coarse fit of an object that stays while its contact grows with the load, where that may be: not if states
     `rigid` (scans, 5) of one that does not grow move far.
     """
     fits = [
-        Solved(*start, learned_error(start[2], scanned), FIRST_GAIN_STD, turns, grows=True)
+        Solved(*start, learned_error(start[2], scanned), FIRST_GAIN_STD, turns=False, grows=True)
         for start in grown_starts(scanned, rigid, start_scan(scanned))
     ]
     return [min(fits, key=lambda one: cost(one, scanned))] if fits else []
