@@ -19,13 +19,13 @@ from taxelflow.estimation.template.hypotheses import (
     coarse,
     refined,
 )
-from taxelflow.estimation.template.initialization import IncrementalMapper, start_scan
+from taxelflow.estimation.template.initialization import SCHEDULE, IncrementalMapper, start_scan
 from taxelflow.estimation.template.likelihood import cost
 from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE, REFUTED, Scanned
+from taxelflow.estimation.template.online.gauge import align_gauge
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
 from taxelflow.estimation.template.online.local_map import SLACK, LocalMap
-from taxelflow.estimation.template.online.reframing import align_gauge
 from taxelflow.estimation.template.online.track_state import KEYFRAMES
 from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.numerics.blas import on_one_core
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 _STRANGE = 2.0
 """How many times what still fits a keyframe may be from the others."""
-_YOUNG_ROUNDS = 6
-"""Rounds of refining the present hypothesis of few keyframes."""
 
 
 def first_pattern(
@@ -223,7 +221,7 @@ def _again(known: LocalMap, scanned: Scanned, states: Floats) -> Solved:
     """The present hypothesis, from where the keyframes are."""
     if len(scanned) < ENOUGH_SCANS:
         starts = [states, _retraced(scanned, turns=known.turns)]
-        fits = [coarse(scanned, one, turns=known.turns, rounds=_YOUNG_ROUNDS) for one in starts]
+        fits = [coarse(scanned, one, turns=known.turns, rounds=SCHEDULE.refine_rounds) for one in starts]
         return min(fits, key=lambda one: one.error)
     start = coarse(scanned, states, turns=known.turns, rounds=0)
     return refined(scanned, replace(start, grows=known.grows, gain_std=known.gain_std))
