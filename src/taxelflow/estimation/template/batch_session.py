@@ -48,7 +48,7 @@ class _Open:
     """A contact that goes on: the first scan that is still to be solved, and the poses that it shares with before."""
 
     start: int
-    before: Poses | None = None
+    before: Floats | None = None
 
     @property
     def first_unknown(self) -> int:
@@ -159,7 +159,7 @@ class BatchSession:
             elif number + 1 - going_on.start == self._window:
                 poses = self._solve(pad, going_on, number + 1)
                 shared = self._window // _WINDOWS.overlap
-                self._open[pad] = _Open(number + 1 - shared, poses.tail(shared))
+                self._open[pad] = _Open(number + 1 - shared, poses.pose[-shared:])
 
     def _solve(self, pad: int, contact: _Open, stop: int) -> Poses:
         """Solve a contact up to scan `stop` (excluded)."""
@@ -234,7 +234,7 @@ class BatchSession:
         variance = np.repeat((scans.noise[own] ** 2)[np.newaxis], len(scans), axis=0)
         variance[~scans.complete[:, pad, np.newaxis] & (readings == 0)] = 0.0  # missing, not unloaded
         places = np.stack([layout.x_m[own], layout.y_m[own]]) / self._pitch_m[pad]
-        has_turned = contact.before is not None and bool(np.isfinite(contact.before.pose[:, 2]).any())
+        has_turned = contact.before is not None and bool(np.isfinite(contact.before[:, 2]).any())
         unseen = 0.0 if has_turned else layout.unseen_error  # what a window before has shown needs no proof
         self._alive[layout.source[own]] |= working(readings, scans.noise[own])
         limits = scans.ceiling[own], self._delay[own], unseen, self._alive[layout.source[own]]

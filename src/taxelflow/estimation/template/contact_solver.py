@@ -76,7 +76,7 @@ def _without_silent(
     variance = scanned.variance[:, dead]
     scanned.variance[:, dead] = 0.0
     solved = solving()
-    gaps = explained(scanned, variance, solved, dead.tolist())
+    gaps = explained(scanned, variance, solved, dead)
     if gaps.any():
         scanned.variance[:, dead[gaps]] = variance[:, gaps]
         solved = solving()

@@ -87,7 +87,7 @@ def answers(reading: Floats, variance: Floats, dead: NDArray[np.int64]) -> NDArr
     return alive
 
 
-def explained(scanned: Scanned, variance: Floats, solved: Solved, taxels: list[int]) -> Bools:
+def explained(scanned: Scanned, variance: Floats, solved: Solved, taxels: NDArray[np.int64]) -> Bools:
     """(n,), whether a pattern learned without n taxels explains their silence, as where the object has a gap.
 
     variance: (scans, n), of their readings, that of `scanned` being 0. What is predicted has the error that the fit
@@ -127,7 +127,7 @@ def _denies(scanned: Scanned, solved: Solved, taxels: NDArray[np.int64]) -> Bool
     variance[:, taxels] = 0.0
     without = replace(scanned, variance=variance)
     fill(refilled.pattern, without.with_error(solved.error), solved.states)
-    return ~explained(without, scanned.variance[:, taxels], refilled, taxels.tolist())
+    return ~explained(without, scanned.variance[:, taxels], refilled, taxels)
 
 
 def _quiet(scanned: Scanned) -> Bools:

@@ -61,7 +61,7 @@ class Poses:
 
         quality = np.zeros(len(present), np.uint8)
         quality[present] = self.quality
-        shared = self.shared if isinstance(self.shared, float) else among(self.shared)
+        shared = among(np.zeros_like(self.covariance) + self.shared)
         noise = None if self.noise is None else among(self.noise)
         return Poses(among(self.pose), among(self.covariance), quality, shared, noise)
 
@@ -114,12 +114,6 @@ class Poses:
         covariance = self.covariance + shared
         quality = judged_again(self.quality, covariance, pitch_m)
         return replace(self, covariance=covariance, quality=quality, shared=self.shared + shared)
-
-    def tail(self, count: int) -> Poses:
-        """The last `count` scans."""
-        shared = self.shared if isinstance(self.shared, float) else self.shared[-count:]
-        noise = None if self.noise is None else self.noise[-count:]
-        return Poses(self.pose[-count:], self.covariance[-count:], self.quality[-count:], shared, noise)
 
 
 def poses_of(solved: Solved, scanned: Scanned, information: Floats, pitch_m: float) -> Poses:
@@ -184,16 +178,16 @@ def judged_again(quality: Bytes, covariance: Floats, pitch_m: float) -> Bytes:
     return np.maximum(quality, worse).astype(np.uint8)
 
 
-def aligned(poses: Poses, before: Poses) -> Poses:
-    """Poses of a window in the frame of the window before, which ends with its first scans.
+def aligned(poses: Poses, before: Floats) -> Poses:
+    """Poses of a window in the frame of the window before, which gave its first scans the poses (scans, 3) `before`.
 
     The object's own frame is arbitrary: it is shifted and turned so that both windows agree on the scans they share.
     """
     shared = len(before)
     turns = rotation(np.nan_to_num(poses.pose[:, 2]))
-    gap = before.pose[:, :2] - poses.pose[:shared, :2]
+    gap = before[:, :2] - poses.pose[:shared, :2]
     known = np.isfinite(gap).all(axis=1)
-    turn = (before.pose[:, 2] - poses.pose[:shared, 2])[known]
+    turn = (before[:, 2] - poses.pose[:shared, 2])[known]
     offset = float(np.mean(turn)) if len(turn) and np.isfinite(turn).all() else 0.0
     body = np.einsum("kji,kj->ki", turns[:shared][known], gap[known]).mean(axis=0) if known.any() else np.zeros(2)
     pose = poses.pose.copy()

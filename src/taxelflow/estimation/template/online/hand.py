@@ -89,8 +89,8 @@ class Rows(NamedTuple):
     covariance: Floats
     displacement: Floats
     displacement_covariance: Floats
-    span: Floats
-    lag: Floats
+    span_s: Floats
+    lag_s: Floats
     disturbance: Floats
     quality: NDArray[np.uint8]
 
@@ -119,16 +119,7 @@ def places_of(hand: Hand, pad: int) -> Floats:
 
 def rows_of(estimates: Estimates) -> Rows:
     """Estimates as kernels fill them in."""
-    return Rows(
-        estimates.pose,
-        estimates.covariance,
-        estimates.displacement,
-        estimates.displacement_covariance,
-        estimates.span_s,
-        estimates.lag_s,
-        estimates.disturbance,
-        estimates.quality,
-    )
+    return Rows(*(getattr(estimates, name) for name in Rows._fields))
 
 
 def room_for(scans: Scans) -> Estimates:

@@ -146,7 +146,7 @@ def _displacement(
             step[a] = pose[a] - m.before[a]
             for b in range(3):
                 covariance[a, b] = noise[a, b] + m.before_covariance[a, b]
-        rows.span[k, pad] = t - m.before_t
+        rows.span_s[k, pad] = t - m.before_t
         moved = np.hypot(step[0], step[1])
         weigh_step(step, covariance, centre, m.before_centre, weight)
     for a in range(3):
