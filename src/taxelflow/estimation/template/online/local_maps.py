@@ -62,8 +62,7 @@ class LocalMaps:
     def __init__(self, layout: Layout, workers: Workers, latency_s: float, adopting: Adopting | None = None) -> None:
         """adopting: at fixed times if left out."""
         adopting = adopting or AtFixedTimes()
-        self._layout = layout
-        pads = len(layout.pads)
+        self._layout, pads = layout, len(layout.pads)
         self.hand = hand_of(layout)
         self.tracks = records(Track, pads)
         self.stored = Patterns(np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8)), np.zeros((4, layout.entries)))

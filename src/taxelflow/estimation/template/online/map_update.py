@@ -13,12 +13,7 @@ from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.deforming import ODOMETRY
 from taxelflow.estimation.template.extrapolation import extrapolate
 from taxelflow.estimation.template.hidden_motion import shown_at_rest
-from taxelflow.estimation.template.hypotheses import (
-    ENOUGH_SCANS,
-    FIRST_GAIN_STD,
-    coarse,
-    refined,
-)
+from taxelflow.estimation.template.hypotheses import ENOUGH_SCANS, FIRST_GAIN_STD, coarse, refined
 from taxelflow.estimation.template.initialization import SCHEDULE, IncrementalMapper, start_scan
 from taxelflow.estimation.template.likelihood import cost
 from taxelflow.estimation.template.map import covering, fill
