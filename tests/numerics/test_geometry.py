@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.numerics.geometry import inverse_transform, rotate, rotation, transform
+from taxelflow.numerics.geometry import inverse_transform, rotate, rotation, transform, turned
 
 poses = st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-4, 4)).map(np.array)
 points = st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=1, max_size=4).map(np.array)
@@ -37,3 +37,10 @@ def test_a_quaternion_about_z_is_a_rotation_of_the_plane_whatever_its_length(ang
     turned = rotate(quaternion, vectors)
     np.testing.assert_allclose(turned[:, :2], vectors[:, :2] @ rotation(angle).T, atol=1e-12)
     np.testing.assert_allclose(turned[:, 2], vectors[:, 2], atol=1e-12)
+
+
+def test_one_arm_or_many_turn_by_one_angle_or_many_as_by_a_rotation() -> None:
+    arms, angles = np.arange(8.0).reshape(4, 2), np.linspace(-3.0, 3.0, 4)
+    np.testing.assert_allclose(turned(arms, angles), np.einsum("nij,nj->ni", rotation(angles), arms), atol=1e-14)
+    np.testing.assert_allclose(turned(arms, 0.5), arms @ rotation(0.5).T, atol=1e-14)
+    np.testing.assert_allclose(turned(arms[1], angles), rotation(angles) @ arms[1], atol=1e-14)

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 KNOTS = WIDTH**2
 """Knots that a reading depends on."""
+AT_KNOT, SLOPE_AT_KNOT = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([-0.5, 0.0, 0.5])
+"""A cubic B-spline's value and slope at a knot, from the coefficients around it."""
 _1, _2, _3 = np.uint64(1), np.uint64(2), np.uint64(3)
 
 

@@ -24,6 +24,13 @@ def rotation(theta: Floats | float) -> Floats:
     return matrix
 
 
+def turned(arms: Floats, angles: Floats | float) -> Floats:
+    """Arms (..., 2), turned by angles (...), rad, anticlockwise."""
+    x, y, cos, sin = arms[..., 0], arms[..., 1], np.cos(angles), np.sin(angles)
+    found: Floats = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    return found
+
+
 def wrapped(angle: Floats) -> Floats:
     """Angles, rad, from -pi to pi."""
     return (angle + np.pi) % (2 * np.pi) - np.pi

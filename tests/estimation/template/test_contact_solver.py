@@ -26,7 +26,7 @@ def sliding() -> Scanned:
 
 
 def test_scans_that_gains_move_far_are_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
-    def moved(_scanned: Scanned, solved: Solved, _refined: object) -> Solved:
+    def moved(_scanned: Scanned, solved: Solved) -> Solved:
         gained = solved.copy()
         gained.states[30:, 0] += 0.3  # pitches, as another minimum does
         return gained

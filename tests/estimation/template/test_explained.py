@@ -25,9 +25,10 @@ from synthetic import dome, grid_sensor, recorded
 from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits, unexplained, unexplained_and_doubted
+from taxelflow.estimation.template.online.hand import PadScan
 from taxelflow.estimation.template.online.map_update import first_pattern
 from taxelflow.estimation.template.online.relocalization import relocalise
-from taxelflow.estimation.template.online.track_state import PadScan, Track
+from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.messages import LOST
 from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.records import record

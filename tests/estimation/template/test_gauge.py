@@ -15,7 +15,8 @@ from taxelflow.estimation.template.online.gauge import Reported, hold
 from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import LocalMap
 from taxelflow.estimation.template.online.track_state import Track
-from taxelflow.estimation.template.online.witness import anchor, arm_on_map, find_centre, reported_place, turned_by
+from taxelflow.estimation.template.online.witness import anchor, arm_on_map, find_centre, reported_place
+from taxelflow.numerics.geometry import turned
 from taxelflow.numerics.records import record, records
 from taxelflow.numerics.rounding import BLURRED
 
@@ -51,7 +52,7 @@ def left(m: Track, keyframes: Keyframes, places: np.ndarray) -> np.ndarray:
     """(n, 2), how far keyframes were reported from where they are now, in the object's frame."""
     return np.array(
         [
-            turned_by(place - reported_place(m, state), m.theta_0 - state[2])
+            turned(place - reported_place(m, state), m.theta_0 - state[2])
             for place, state in zip(places, keyframes.states, strict=True)
         ]
     )
@@ -124,11 +125,11 @@ def test_an_object_that_comes_again_is_reported_by_the_same_point(theta: float, 
     m = track()
     m.gauge[:] = 0.2, -0.4
     known, middle = arm_on_map(m), np.array([3.0, 4.0])
-    on_map = turned_by(m.arm + m.gauge, -m.theta_0)  # the point in the map's frame
+    on_map = turned(m.arm + m.gauge, -m.theta_0)  # the point in the map's frame
     m.gauge[:] = 7.0
     m.state[2], m.theta_0 = theta, theta_0
     anchor(m, middle, known)
-    np.testing.assert_allclose(reported_place(m, m.state) - m.state[:2], turned_by(on_map, theta), atol=1e-9)
+    np.testing.assert_allclose(reported_place(m, m.state) - m.state[:2], turned(on_map, theta), atol=1e-9)
 
 
 @pytest.mark.parametrize("case", ["does not turn", "grows", "changes", "known before", "in line"])

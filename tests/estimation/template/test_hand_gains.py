@@ -7,8 +7,8 @@ import pytest
 
 from synthetic import grid_sensor
 from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.online.hand import Scan
 from taxelflow.estimation.template.online.hand_gains import HandGains
-from taxelflow.estimation.template.online.track_state import Scan
 from taxelflow.messages import Floats
 
 PAD = grid_sensor(3, 3, pitch_m=(0.004, 0.004))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from synthetic import grid_sensor, recorded
-from taxelflow.estimation.template.anchor import Anchor
+from taxelflow.estimation.template.centre_of_pressure import Anchor
 from taxelflow.messages import OK
 from taxelflow.pipeline import api
 

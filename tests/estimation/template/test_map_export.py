@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -127,7 +126,7 @@ def test_a_contact_of_few_scans_has_no_pattern_and_other_methods_have_none() -> 
 
 
 def test_only_the_patterns_of_most_scans_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mapped, "_LIMITS", replace(mapped._LIMITS, most=2))
+    monkeypatch.setattr(mapped, "_LIMITS", mapped._LIMITS._replace(most=2))
     maps = mapped.Maps()
     for scans in (12, 6, 9):
         (pattern,) = api.estimate(moved(way(scans)), "template").patterns

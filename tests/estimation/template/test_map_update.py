@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from estimation.template.test_taxel_gains import PEAK, error, sliding
-from taxelflow.estimation.template.batch_session import _information
 from taxelflow.estimation.template.bundle_adjustment import covariance_of, information_of
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.map import covering
@@ -14,6 +13,7 @@ from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import LocalMap
 from taxelflow.estimation.template.online.map_update import _anchor, _tilt, learn
+from taxelflow.estimation.template.tilt import without_tilt
 
 
 def keyframes_of(scanned: Scanned, at: np.ndarray, gains: np.ndarray) -> LocalMap:
@@ -78,10 +78,9 @@ def test_a_tilt_of_the_load_adds_as_much_as_in_a_batch() -> None:
     scanned, _, _ = sliding(0.0)
     solved = solve_contact(scanned)
     assert solved.error < 0.05
-    tilted, _ = _information(solved, scanned, 0.05)
     precision = scanned.precision(turns=solved.turns, gain_std=solved.gain_std)
-    level = scanned.amplitude if solved.heights else 0.0
-    upright = information_of(solved.pattern, scanned, solved.states, 0.05, precision, level)
+    upright = information_of(solved.pattern, scanned, solved.states, 0.05, precision)
+    tilted = without_tilt(upright, solved.pattern, scanned, solved.states, 0.05, 0.05)
     more = np.trace((covariance_of(tilted) - covariance_of(upright))[-4:, :2, :2], axis1=1, axis2=2) / 2
     np.testing.assert_allclose(_tilt(solved, scanned, 0.05), np.median(more), rtol=0.02)
     assert np.median(more) > 1e-4

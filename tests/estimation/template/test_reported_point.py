@@ -11,13 +11,14 @@ import pytest
 from estimation.template.test_map_update import keyframes_of
 from estimation.template.test_taxel_gains import sliding
 from synthetic import grid_sensor
-from taxelflow.estimation.template.anchor import Anchor
+from taxelflow.estimation.template.centre_of_pressure import Anchor
 from taxelflow.estimation.template.online import map_update
+from taxelflow.estimation.template.online.hand import Scan
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.map_update import learn
 from taxelflow.estimation.template.online.mapping_thread import Workers
 from taxelflow.estimation.template.online.output import _add_step
-from taxelflow.estimation.template.online.track_state import Scan, Track
+from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.estimation.template.online.witness import put_on_average, reported_place
 from taxelflow.estimation.template.warmup import compile_stream
 from taxelflow.numerics.records import record, records

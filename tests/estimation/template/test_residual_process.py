@@ -12,8 +12,9 @@ from numba import njit
 
 from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Surface
+from taxelflow.estimation.template.online.hand import PadScan
 from taxelflow.estimation.template.online.residual_process import decay, predict, update
-from taxelflow.estimation.template.online.track_state import PadScan, Track
+from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.numerics.bspline import STATE, evaluate
 from taxelflow.numerics.records import Records, records
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taxelflow.estimation.template.hypotheses import refined, solve
+from taxelflow.estimation.template.hypotheses import solve
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.taxel_gains import with_gains
 
@@ -37,7 +37,7 @@ def test_gains_that_scatter_are_found_and_poses_are_better() -> None:
     scanned, at, gains = sliding(0.1)
     raw = scanned.readings
     before = solve(scanned)
-    after = with_gains(scanned, before, refined)
+    after = with_gains(scanned, before)
     assert error(after.states, at) < 0.85 * error(before.states, at)
     found = raw.sum(axis=0) / scanned.readings.sum(axis=0)
     loaded = raw.max(axis=0) > 0.3 * PEAK
@@ -48,5 +48,5 @@ def test_gains_that_scatter_are_found_and_poses_are_better() -> None:
 def test_equal_gains_change_nothing() -> None:
     scanned, _, _ = sliding(0.0)
     readings, before = scanned.readings, solve(scanned)
-    assert with_gains(scanned, before, refined) is before
+    assert with_gains(scanned, before) is before
     assert scanned.readings is readings

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,11 +12,11 @@ from taxelflow.estimation.template.bundle_adjustment import information_of
 from taxelflow.estimation.template.centre_of_pressure import witnessed
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.dead_taxels import working
-from taxelflow.estimation.template.deforming import CHANGES, ODOMETRY, Moment, follow_changing
+from taxelflow.estimation.template.deforming import ODOMETRY, Moment, follow_changing
 from taxelflow.estimation.template.depth import DEPTH_STD, as_pressure, with_depth
 from taxelflow.estimation.template.map_doubt import of_map
 from taxelflow.estimation.template.map_export import Maps, as_map
-from taxelflow.estimation.template.observations import Scanned, delays_of
+from taxelflow.estimation.template.observations import REFUTED, Scanned, delays_of
 from taxelflow.estimation.template.pose_output import Poses, aligned, poses_of
 from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.estimation.template.warmup import compile_batch
@@ -29,16 +29,13 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
 
 
-@dataclass(frozen=True, slots=True)
-class _Windows:
+class _Windows(NamedTuple):
     """How a long contact is solved."""
 
     overlap: int = 4
     """A window shares one part in this many with the one before."""
-    most_bytes: float = 2e8
-    """Memory that solving a contact may take; a longer contact is solved in windows."""
-    bytes_per_reading: int = 250
-    """Memory for solving a contact, per reading."""
+    readings: int = 800_000
+    """Readings of a window at most: solving takes 250 bytes for each."""
     fewest_scans: int = 100
     """Scans of a window, at least."""
 
@@ -51,7 +48,7 @@ class _Open:
     """A contact that goes on: the first scan that is still to be solved, and the poses that it shares with before."""
 
     start: int
-    before: Poses | None = None
+    before: Floats | None = None
 
     @property
     def first_unknown(self) -> int:
@@ -72,42 +69,31 @@ class _Done:
     present: Bools
 
 
-def _information(solved: Solved, scanned: Scanned, unseen_error: float) -> tuple[Floats, Floats]:
-    """(scans, 5, 5), of the states of a solved contact, which the sensor's errors and a tilt of the load blur; and what
-    the map's own error adds to their covariance: nothing where unseen errors of the sensor outweigh it.
+def _on_one_map(solved: Solved, scanned: Scanned, pitch_m: float, unseen_error: float, *, whole_contact: bool) -> Poses:
+    """Poses of a contact that one map explains, doubted by its map's error and by rivals of its hypothesis.
+
+    Unseen errors of the sensor outweigh that of the map. Without them the likelihood has decided whether the object
+    turns.
     """
     precision = scanned.precision(
         turns=solved.turns, gain_std=solved.gain_std, size=DEPTH_STD**-2 if solved.sinks else np.inf
     )
-    error, level = max(solved.error, unseen_error), scanned.amplitude if solved.heights else 0.0
-    whole = with_depth(solved.states, solved.depth)
-    information = information_of(solved.pattern, scanned, whole, error, precision, level)
+    whole, level = with_depth(solved.states, solved.depth), scanned.amplitude if solved.heights else 0.0
+
+    def information(error: float) -> Floats:
+        """(scans, 5, 5), of the states, blurred by errors of the readings and by a tilt of the load."""
+        own = information_of(solved.pattern, scanned, whole, error, precision, level)
+        return without_tilt(own, solved.pattern, scanned, solved.states, error, unseen_error)
+
+    poses = _bridged(poses_of(solved, scanned, information(max(solved.error, unseen_error)), pitch_m), scanned)
     if unseen_error:
-        blurred = without_tilt(information, solved.pattern, scanned, solved.states, error, unseen_error)
-        return blurred, np.zeros_like(information)
-    return information, of_map(solved.pattern, scanned, whole, error, precision, level)
-
-
-def _by_noise(solved: Solved, scanned: Scanned, tilt: float) -> Floats:
-    """(scans, 5, 5), information of the states of a solved contact that residuals and a tilt of the load alone blur."""
-    precision = scanned.precision(turns=solved.turns, gain_std=solved.gain_std)
-    information = information_of(solved.pattern, scanned, solved.states, solved.error, precision, 0.0)
-    return without_tilt(information, solved.pattern, scanned, solved.states, solved.error, tilt)
-
-
-def _on_one_map(solved: Solved, scanned: Scanned, pitch_m: float, unseen_error: float, *, whole_contact: bool) -> Poses:
-    """Poses of a contact that one map explains, doubted by its map's error and by rivals of its hypothesis.
-
-    Without faults of the sensor that could mislead it, the likelihood has decided whether the object turns.
-    """
-    information, of_the_map = _information(solved, scanned, unseen_error)
-    poses = _bridged(poses_of(solved, scanned, information, pitch_m), scanned)
-    if of_the_map.any():
-        poses = poses.with_map(of_the_map, solved, scanned, pitch_m)
-    if unseen_error and whole_contact:
-        poses = poses.with_noise(_by_noise(solved, scanned, unseen_error), solved, scanned, pitch_m)
-    if unseen_error:
+        if whole_contact:
+            poses = poses.with_noise(information(solved.error), solved, scanned, pitch_m)
         poses = poses.doubted(solved.rival, pitch_m)
+    else:
+        by_map = of_map(solved.pattern, scanned, whole, solved.error, precision, level)
+        if by_map.any():
+            poses = poses.with_map(by_map, solved, scanned, pitch_m)
     return poses.doubted(solved.growth, pitch_m)
 
 
@@ -126,9 +112,7 @@ class BatchSession:
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         largest = int(np.diff(layout.starts).max())
         self._delay, self._lead = delays_of(layout)
-        self._window = int(
-            min(window_scans, max(_WINDOWS.fewest_scans, _WINDOWS.most_bytes / (_WINDOWS.bytes_per_reading * largest)))
-        )
+        self._window = int(min(window_scans, max(_WINDOWS.fewest_scans, _WINDOWS.readings / largest)))
         compile_batch()
         self._held: list[Scans] = []
         self._first = self._out = self._seen = 0  # of the scans: first held, first not given out, first not seen
@@ -175,7 +159,7 @@ class BatchSession:
             elif number + 1 - going_on.start == self._window:
                 poses = self._solve(pad, going_on, number + 1)
                 shared = self._window // _WINDOWS.overlap
-                self._open[pad] = _Open(number + 1 - shared, poses.tail(shared))
+                self._open[pad] = _Open(number + 1 - shared, poses.pose[-shared:])
 
     def _solve(self, pad: int, contact: _Open, stop: int) -> Poses:
         """Solve a contact up to scan `stop` (excluded)."""
@@ -225,7 +209,7 @@ class BatchSession:
         uncertain about them; and the map at some moment. readings: (scans, taxels), before gains divided them.
         """
         layout, pitch_m, unseen_error = self._layout, float(self._pitch_m[pad]), self._layout.unseen_error
-        of_one_map = solved.error <= CHANGES or len(scanned) <= ODOMETRY.memory
+        of_one_map = solved.error <= REFUTED or len(scanned) <= ODOMETRY.memory
         if of_one_map:
             whole_contact = pad < layout.pad_count or layout.contact_of[pad] >= 0  # load leaves a part of one
             poses = _on_one_map(solved, scanned, pitch_m, unseen_error, whole_contact=whole_contact)
@@ -250,7 +234,7 @@ class BatchSession:
         variance = np.repeat((scans.noise[own] ** 2)[np.newaxis], len(scans), axis=0)
         variance[~scans.complete[:, pad, np.newaxis] & (readings == 0)] = 0.0  # missing, not unloaded
         places = np.stack([layout.x_m[own], layout.y_m[own]]) / self._pitch_m[pad]
-        has_turned = contact.before is not None and bool(np.isfinite(contact.before.pose[:, 2]).any())
+        has_turned = contact.before is not None and bool(np.isfinite(contact.before[:, 2]).any())
         unseen = 0.0 if has_turned else layout.unseen_error  # what a window before has shown needs no proof
         self._alive[layout.source[own]] |= working(readings, scans.noise[own])
         limits = scans.ceiling[own], self._delay[own], unseen, self._alive[layout.source[own]]

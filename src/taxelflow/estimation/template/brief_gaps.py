@@ -7,23 +7,22 @@ by their information. The quality of such a scan does not change.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from taxelflow.estimation.template.hypotheses import ENOUGH_SCANS
-from taxelflow.estimation.template.pose_output import Poses
 from taxelflow.messages import OK, UNRESOLVED
 from taxelflow.numerics.robust import OUTLIER
 from taxelflow.numerics.spans import spans
 
 if TYPE_CHECKING:
+    from taxelflow.estimation.template.pose_output import Poses
     from taxelflow.messages import Bools, Floats
 
 
-@dataclass(frozen=True, slots=True)
-class _Gap:
+class _Gap(NamedTuple):
     """A brief run of scans without a pose."""
 
     scans: int = 5
@@ -50,7 +49,7 @@ def formed(poses: Poses, load: Floats) -> Poses:
     quality = poses.quality.copy()
     quality[: begins.max(initial=-1) + 1] = UNRESOLVED
     quality[ends.min(initial=len(quality)) :] = UNRESOLVED
-    return Poses(poses.pose, poses.covariance, quality, poses.shared)
+    return replace(poses, quality=quality)
 
 
 def bridged(poses: Poses, t_s: Floats) -> Poses:
@@ -75,7 +74,7 @@ def bridged(poses: Poses, t_s: Floats) -> Poses:
             information, mean = information + own, mean + at
         combined = np.linalg.inv(information)
         pose[k, free], covariance[k][box] = combined @ mean, combined
-    return Poses(pose, covariance, poses.quality)
+    return replace(poses, pose=pose, covariance=covariance)
 
 
 def _is_outlier(pose: Floats, covariance: Floats, information: Floats, mean: Floats) -> bool:

@@ -7,14 +7,14 @@ solved by conjugate gradients, so that time and memory grow linearly with the nu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
 from taxelflow.estimation.template.normal_equations import Normal, assemble, to_knots, to_states
 from taxelflow.numerics.banded import Factor, add_diagonal, multiply, smoothness
-from taxelflow.numerics.bspline import STATE, pose_part, states_of
+from taxelflow.numerics.bspline import STATE, States, pose_part, states_of
 from taxelflow.numerics.rounding import NEGLIGIBLE
 
 if TYPE_CHECKING:
@@ -26,45 +26,26 @@ if TYPE_CHECKING:
 
 _MOST_STEP = np.array([1.0, 1.0, 0.15, 0.2, 0.05])
 """Largest step of a state in one round; the first two in knots."""
+_GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
+"""Bounds of gains, and of the logarithm of sizes, against steps that diverge."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Rounds:
-    """Rounds of the adjustment."""
+class _Solver(NamedTuple):
+    """Rounds of the adjustment, the conjugate gradients of each, and the estimate of a trace."""
 
     settled: float = 0.05
     """Steps of a pose, in its standard deviations, below which the fit has converged."""
     worse: float = 1.1
     """A round that increases the cost by this factor is undone."""
-
-
-_ROUNDS = _Rounds()
-
-
-@dataclass(frozen=True, slots=True)
-class _Gradients:
-    """The conjugate gradients of a round."""
-
-    most: int = 60
-    error: float = 1e-2
-    """Iterations at most, and their relative residual: rounds repeat the solution."""
-
-
-_GRADIENTS = _Gradients()
-_GAINS, _SIZES = (0.02, 50.0), (-0.7, 0.7)
-"""Bounds of gains, and of the logarithm of sizes, against steps that diverge."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Trace:
-    """The estimate of a trace."""
-
+    iterations: int = 60
+    residual: float = 1e-2
+    """Conjugate gradients: iterations at most, and their relative residual, which rounds reduce further."""
     probes: int = 16
     work: int = 16_000
-    """Random vectors at most, and times knots: its relative error falls with both."""
+    """Trace: random vectors at most, and times knots; its relative error falls with both."""
 
 
-_TRACE = _Trace()
+_SOLVER = _Solver()
 LEAST_INFORMATION = 1e-9
 """Added to the information on each component of a state, which may be 0."""
 
@@ -96,6 +77,12 @@ class Fit:
         return covariance_of(self.information)
 
     @property
+    def per_reading(self) -> Floats:
+        """(scans,), chi-square per reading."""
+        share: Floats = self.chi / np.maximum(self.counts, 1)
+        return share
+
+    @property
     def reduced(self) -> float:
         """Chi-square per reading."""
         return float(self.chi.sum() / max(self.counts.sum(), 1))
@@ -110,6 +97,11 @@ class Fit:
 def covariance_of(information: Floats) -> Floats:
     """(scans, 5, 5), of states, from their information."""
     return np.asarray(np.linalg.inv(information + LEAST_INFORMATION * np.eye(STATE)), np.float64)
+
+
+def diagonals_of(matrices: Floats) -> States:
+    """Diagonals of matrices (scans, 5, 5) over states."""
+    return states_of(matrices.diagonal(axis1=1, axis2=2))
 
 
 class _Linear:
@@ -150,7 +142,7 @@ class _Linear:
     def determined(self, factor: Factor) -> float:
         """Number of coefficients that the readings determine, not their priors: a trace, by random vectors."""
         pattern, knots = self.pattern, len(self.normal.right)
-        probes = min(_TRACE.probes, -(-_TRACE.work // knots))
+        probes = min(_SOLVER.probes, -(-_SOLVER.work // knots))
         signs = np.random.default_rng(0).choice([-1.0, 1.0], (probes, knots))
         held = np.empty(knots)
         total = 0.0
@@ -208,7 +200,7 @@ def refine(
     for round_ in range(rounds + 1):
         linear.update(states)
         merit = float(normal.chi.sum() + (pull * (states - usual) ** 2).sum() + pattern.smoothing * linear.bending())
-        if merit > _ROUNDS.worse * best.merit:
+        if merit > _SOLVER.worse * best.merit:
             best.restore(pattern, states)
             linear.update(states)
             damping = max(10.0 * damping, 0.1)
@@ -230,7 +222,7 @@ def refine(
         pattern.coefficients = pattern.coefficients + back.reshape(pattern.shape)
         relative = pose_part(step) - pose_part(step).mean(axis=0)
         moves = relative**2 * pose_part(normal.blocks[:, diagonal, diagonal])
-        if np.sqrt(moves.mean(axis=0).max()) < _ROUNDS.settled:
+        if np.sqrt(moves.mean(axis=0).max()) < _SOLVER.settled:
             break
     free = linear.determined(factor) + len(states) * int(np.sum(~fixed))
     return Fit(
@@ -283,7 +275,7 @@ def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Flo
     operator = LinearOperator((size, size), matvec=reduced, dtype=np.float64)
     guide = LinearOperator((size, size), matvec=precondition, dtype=np.float64)
     target = (linear.normal.gradient - linear.to_states(factor.solve(linear.normal.right))).ravel()
-    solution, _ = cg(operator, target, rtol=_GRADIENTS.error, maxiter=_GRADIENTS.most, M=guide)
+    solution, _ = cg(operator, target, rtol=_SOLVER.residual, maxiter=_SOLVER.iterations, M=guide)
     most = _MOST_STEP.copy()
     most[:2] *= linear.pattern.lattice[0]
     step = np.clip(solution.reshape(shape), -most, most)

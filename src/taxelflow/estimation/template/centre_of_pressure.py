@@ -1,54 +1,50 @@
 """The centre of pressure as a second measurement of an object's place, beside its map (the second witness).
 
-The centre of pressure c follows the object without a map: less precisely than a good map, but not affected by errors of
-a map of few scans. With readings p at r from c (pitches),
-their sum S and their second moment M = sum(p r r^T) / S, its covariance is
+The centre of pressure c follows the object without a map: less precisely than a good map, but not misled by a map of
+few scans. Of readings p at r from c (pitches), with the load F = sum(p) and M = sum(p r r^T) / F, its covariance is
 
-    D = sum(((e p)^2 + noise^2) r r^T) / S^2  +  (1 + 12 M)^-1 / 12  +  (b s d)^2 1  +  a^2 M
+    D = sum(((e p)^2 + noise^2) r r^T) / F^2  +  (1 + 12 M)^-1 / 12  +  (b s d)^2 1  +  a^2 M
 
-First term: each reading has a gain error e, because it stands for a cell across which the pressure varies. Second: a
-contact ends anywhere between two taxels, which moves the centre of n taxels in line by up to 1 / n of a cell. Third:
-where a share s of the load lies at the pad's border, a motion d of c has a relative error b. Fourth: a tilt of the load
-changes the pressure at a radius of gyration by a share with standard deviation a, see `tilt`.
+1. A reading stands for a cell across which the pressure varies: it has a gain error e.
+2. A contact ends anywhere between two taxels, which moves the centre of n taxels in line by up to 1 / n of a cell.
+3. Where a share s of the load lies at the pad's border, a motion d of c has a relative error b.
+4. A tilt of the load changes the pressure at a radius of gyration by a share with standard deviation a, see `tilt`.
 
-With the place p on the map, and its covariance C, the pose is p + W (c - p). A tilt and a border move both, with an
-unknown correlation: their part of D is S. A map does not misread cells, or where a contact ends. So for any correlation
+**Fusion.** With the place p on the map and its covariance C, the pose is p + W (c - p). Tilt and border move p, too,
+with an unknown correlation; their part of D is S. For any correlation the covariance is at most
 
     (1 + g) (1 - W) C (1 - W)^T  +  W (D - S) W^T  +  (1 + 1 / g) W S W^T
 
-is an upper bound of the covariance (split covariance intersection, Julier and Uhlmann, 2001); W and g minimise its
-trace, beginning with W = C (C + D)^-1. A centre whose tilt alone outweighs C moves nothing. Where p and c contradict
-each other, the covariance is multiplied by chi-square per degree of freedom (Birge, 1932). If the map does not
-determine the angle, the error is the map's alone: a rotation, held at 0, shifts p by more than the residuals show, and
-c not at all. There C is multiplied by the factor that makes chi-square 1, and W and the covariance follow from it.
+(split covariance intersection, Julier and Uhlmann, 2001); W and g minimise its trace, beginning with W = C (C + D)^-1.
+If p and c contradict each other, it is multiplied by chi-square per degree of freedom (Birge, 1932). If the map does
+not determine the angle, the error is the map's alone: a rotation, held at 0, moves p by more than the residuals show.
+There C is first multiplied by the factor that makes chi-square 1.
 
-A stream's frame shifts when its map is adjusted. W and c refer to the point of the object at the mean of c over all
-keyframes, see `Anchor`: this point hardly shifts, whatever the map before was. Where a new map is rotated, the reported
-point is shifted so that it stays where it was on average, see `online.gauge`.
+**Stream.** A map's frame shifts when it is adjusted. W and c refer to the point of the object at the mean of c over all
+keyframes, see `Anchor`, which hardly shifts. A map that turns keeps the point that was reported, see `online.gauge`.
 
-**A border** cuts a pattern: c moves by less than the object, or jumps where a part leaves the pad. The map predicts
-that: the centre of the readings that it predicts, compared with the centre without a border, which is a fixed point of
-the object. The part of this difference s that C + D do not explain at three standard deviations is subtracted from c,
-and s s^T is added to D, because that part of c is known from the map only. Where a border cuts a pattern, C has been
-found too small: W stays C (C + D)^-1 there, with S = D. Smaller differences are not corrected:
-otherwise a wrong map would confirm itself.
+**Border.** A border cuts a pattern: c moves by less than the object, or jumps where a part leaves the pad. The map
+predicts by how much: it is the difference of the centre of the readings that it predicts from its centre without a
+border, a fixed point of the object. The part s of this difference that C + D do not explain at three standard
+deviations is subtracted from c. s s^T is added to D, because the map alone knows that part. Smaller differences are
+left, or a wrong map would confirm itself. Where a border cuts a pattern, C has been found too small: W stays
+C (C + D)^-1 there, with S = D.
 
-For a sensor with `unseen_error = 0` none of this is done: there the residuals show the whole error of the map.
+With `unseen_error = 0` none of this is done: the residuals then show the whole error of the map.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.anchor import Anchor
-from taxelflow.estimation.template.pose_output import Poses, judge
+from taxelflow.estimation.template.pose_output import Poses, judged_again
 from taxelflow.estimation.template.two_witnesses import combine, surely
-from taxelflow.messages import OK
 from taxelflow.numerics.bspline import states_of
 from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance, pressure_centre
+from taxelflow.numerics.geometry import turned
 from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
@@ -60,8 +56,7 @@ BORDER_ERROR = 0.2
 """Relative error of the motion of c for a contact whose whole load lies at the pad's border: b above."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Centre:
+class _Centre(NamedTuple):
     """The centre of a map."""
 
     leap: float = 1.0
@@ -84,6 +79,27 @@ def _centres(scans: Readings, edge: Bools, tilt: float, out: Floats) -> None:
         reading, variance = scans.value[k], scans.variance[k]
         pressure_centre(reading, variance, places, edge, out[k, :5])
         centroid_covariance(reading, variance, ceiling, places, out[k, :5], CELL_ERROR, tilt, out[k, 5:])
+
+
+class Anchor(NamedTuple):
+    """The mean centre of pressure of a contact, in the object's frame, in pitches.
+
+    arm: (2,), from the origin. variance: of one scan's centre, mean, pitches^2. inside: (2,), the mean centre by the
+    map. off: (scans, 2), the centre by the map in each scan at t_s (scans,), less `inside`.
+    """
+
+    arm: Floats
+    variance: float
+    inside: Floats
+    t_s: Floats
+    off: Floats
+
+    def held(self, t_s: Floats) -> Floats:
+        """(scans, 2), of scans at these times; NaN where it has none."""
+        found = np.full((len(t_s), 2), np.nan)
+        _, those, own = np.intersect1d(t_s, self.t_s, assume_unique=True, return_indices=True)
+        found[those] = self.off[own]
+        return found
 
 
 class Centres(NamedTuple):
@@ -157,7 +173,7 @@ class Centres(NamedTuple):
                 reference = np.average(inside, axis=0, weights=weights)
                 off = np.where(own_run[:, np.newaxis], inside - reference, off)
             middle = reference if number == most else middle
-        shift = _turned(off, states_of(states).theta)
+        shift = turned(off, states_of(states).theta)
         doubts = self.covariance + own[:, [0, 0, 1], [0, 1, 1]]
         shares = _sure_shares(shift, doubts)
         shift *= (shares if before is None else np.full_like(shares, shares[known].max(initial=0.0)))[:, np.newaxis]
@@ -172,14 +188,7 @@ class Centres(NamedTuple):
 
 def _in_body(places: Floats, states: Floats) -> Floats:
     """(scans, 2), places (scans, 2) in the frame of a body at states (scans, 3 or more)."""
-    return _turned(places - states[:, :2], -states[:, 2])
-
-
-def _turned(arms: Floats, angles: Floats) -> Floats:
-    """(scans, 2), arms (scans, 2) turned by angles (scans,)."""
-    (x, y), cos, sin = arms.T, np.cos(angles), np.sin(angles)
-    turned: Floats = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
-    return turned
+    return turned(places - states[:, :2], -states[:, 2])
 
 
 def _sure_shares(shift: Floats, doubts: Floats) -> Floats:
@@ -220,7 +229,7 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt:
     state = np.column_stack([poses.pose[:, :2] / pitch_m, np.nan_to_num(poses.pose[:, 2])])
     own = np.trace(poses.covariance[:, :2, :2], axis1=1, axis2=2) / pitch_m**2
     arm = centres.arm(state, 1.0 / (own + centres.spread))
-    apart = centres.place - _turned(np.tile(arm, (len(state), 1)), state[:, 2]) - state[:, :2]
+    apart = centres.place - turned(arm, state[:, 2]) - state[:, :2]
     pose, covariance = poses.pose.copy(), poses.covariance.copy()
     shared, noise = np.zeros_like(covariance) + poses.shared, None if poses.noise is None else poses.noise.copy()
     weight, shown = np.zeros((2, 2)), np.isfinite(poses.pose[:, 2])
@@ -237,5 +246,4 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt:
             xx, xy, yy = pitch_m**2 * centres.covariance[k]
             noise[k, :2, :2] = held @ noise[k, :2, :2] @ held.T + weight @ np.array([[xx, xy], [xy, yy]]) @ weight.T
             noise[k, :2, 2] = noise[k, 2, :2] = held @ noise[k, :2, 2]
-    worse = np.where(poses.quality == OK, judge(covariance, np.zeros(len(pose)), pitch_m), OK)
-    return Poses(pose, covariance, np.maximum(poses.quality, worse).astype(np.uint8), shared, noise)
+    return Poses(pose, covariance, judged_again(poses.quality, covariance, pitch_m), shared, noise)

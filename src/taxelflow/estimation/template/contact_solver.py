@@ -9,7 +9,7 @@ import numpy as np
 
 from taxelflow.estimation.template.dead_taxels import denied, explained, silent_taxels, unanswering
 from taxelflow.estimation.template.hidden_motion import hidden_direction
-from taxelflow.estimation.template.hypotheses import refined, solve
+from taxelflow.estimation.template.hypotheses import solve
 from taxelflow.estimation.template.likelihood import as_alive, as_dead, cost
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.rivals import agreement
@@ -43,7 +43,7 @@ def solve_contact(
             break
         solved = better[0]
         dead.append(better[1])
-    gained = with_gains(scanned, solved, refined)
+    gained = with_gains(scanned, solved)
     if gained is not solved:
         still = agreement(gained, solved, most=_MOVED)
         gained.agrees = gained.agrees & still if len(gained.agrees) else still
@@ -76,7 +76,7 @@ def _without_silent(
     variance = scanned.variance[:, dead]
     scanned.variance[:, dead] = 0.0
     solved = solving()
-    gaps = explained(scanned, variance, solved, dead.tolist())
+    gaps = explained(scanned, variance, solved, dead)
     if gaps.any():
         scanned.variance[:, dead[gaps]] = variance[:, gaps]
         solved = solving()

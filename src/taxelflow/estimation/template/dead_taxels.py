@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from taxelflow.estimation.template.map import fill
-from taxelflow.estimation.template.observations import OUT
 from taxelflow.numerics.bspline import state_of
+from taxelflow.numerics.cut import IN_LINE
 from taxelflow.numerics.near_pairs import near_pairs
+from taxelflow.numerics.rounding import SIGNIFICANT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,8 +22,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 
-@dataclass(frozen=True, slots=True)
-class _Silence:
+class _Silence(NamedTuple):
     """Taxels that stay silent beside loaded ones."""
 
     beside: float = 1.25
@@ -34,8 +34,6 @@ class _Silence:
     """Neighbours count that read more than this share of the largest reading: between feet, all get a little."""
     further: float = 2.0
     """A contact that has gone over silent taxels went this many pitches further than they reach: it did not rock."""
-    across: float = 0.3
-    """A neighbour is on a side of a group if it lies this many pitches further out than its taxels."""
     enclosed: float = 0.5
     """A taxel is enclosed if the mean of the directions to its neighbours is shorter: at a corner an object may end."""
 
@@ -43,16 +41,14 @@ class _Silence:
 _SILENCE = _Silence()
 
 
-@dataclass(frozen=True, slots=True)
-class _Fault:
+class _Fault(NamedTuple):
     """Taxels that read too little for the model."""
 
     dead: float = 0.5
+    """A taxel is dead if its reading over the model is less, both by its regression on the model and by the largest of
+    each; ..."""
     loaded_enough: float = 400.0
-    """A taxel is dead below the first, its reading over the model; the model's power is above the second, in
-    variances."""
-    read: float = 0.5
-    """... and has never read this share of the model's largest reading of it, nor more than a silent one."""
+    """... and if the variance of that regression is less than one over this: its standard deviation, than 0.05."""
 
 
 _FAULT = _Fault()
@@ -66,7 +62,7 @@ def unanswering(scanned: Scanned, fit: Fit) -> int | None:
     answer = (model * scanned.readings).sum(axis=0)
     noise = (model**2 * scanned.variance).sum(axis=0)
     most = scanned.readings.max(axis=0, initial=0.0)
-    silent = (most < _FAULT.read * model.max(axis=0, initial=0.0)) & ~_answered(scanned)
+    silent = (most < _FAULT.dead * model.max(axis=0, initial=0.0)) & ~_answered(scanned)
     sure = silent & (power**2 > _FAULT.loaded_enough * noise)
     share = np.where(sure, answer / np.maximum(power, 1e-300), np.inf)
     worst = int(np.argmin(share))
@@ -91,7 +87,7 @@ def answers(reading: Floats, variance: Floats, dead: NDArray[np.int64]) -> NDArr
     return alive
 
 
-def explained(scanned: Scanned, variance: Floats, solved: Solved, taxels: list[int]) -> Bools:
+def explained(scanned: Scanned, variance: Floats, solved: Solved, taxels: NDArray[np.int64]) -> Bools:
     """(n,), whether a pattern learned without n taxels explains their silence, as where the object has a gap.
 
     variance: (scans, n), of their readings, that of `scanned` being 0. What is predicted has the error that the fit
@@ -131,7 +127,7 @@ def _denies(scanned: Scanned, solved: Solved, taxels: NDArray[np.int64]) -> Bool
     variance[:, taxels] = 0.0
     without = replace(scanned, variance=variance)
     fill(refilled.pattern, without.with_error(solved.error), solved.states)
-    return ~explained(without, scanned.variance[:, taxels], refilled, taxels.tolist())
+    return ~explained(without, scanned.variance[:, taxels], refilled, taxels)
 
 
 def _quiet(scanned: Scanned) -> Bools:
@@ -145,7 +141,7 @@ def _answered(scanned: Scanned) -> Bools:
     declares unseen, for cross-talk reaches dead taxels, too; or are known to work by another contact.
     """
     noise = _SILENCE.strong * np.sqrt(scanned.variance)
-    unseen = OUT * scanned.unseen_error * scanned.amplitude
+    unseen = SIGNIFICANT * scanned.unseen_error * scanned.amplitude
     least = np.minimum(np.maximum(noise, unseen), _SILENCE.silent * scanned.amplitude)
     answered: Bools = np.any(scanned.loaded() & (scanned.readings > least), axis=0)
     return answered | scanned.alive
@@ -232,9 +228,9 @@ def _goes_over(scanned: Scanned, strong: Bools, beside: Bools, centroid: Floats,
     along = along / length if length else np.array([1.0, 0.0])
     for axis, reach in ((along, length), (np.array([-along[1], along[0]]), 0.0)):
         out = axis @ (places[:, around] - middle[:, np.newaxis])
-        ahead = strong[:, around[out > reach + _SILENCE.across]].any(axis=1)
-        behind = strong[:, around[out < -reach - _SILENCE.across]].any(axis=1)
-        between = strong[:, around[np.abs(out) <= reach + _SILENCE.across]].any()
+        ahead = strong[:, around[out > reach + IN_LINE]].any(axis=1)
+        behind = strong[:, around[out < -reach - IN_LINE]].any(axis=1)
+        between = strong[:, around[np.abs(out) <= reach + IN_LINE]].any()
         passed = (ahead & ~behind).any() and (behind & ~ahead).any() and between
         if passed and np.ptp(centroid @ axis) > 2 * reach + _SILENCE.further:
             return True

@@ -7,14 +7,15 @@ rolling cannot be separated from slip.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from taxelflow.estimation.template.hypotheses import FIRST_GAIN_STD
 from taxelflow.estimation.template.initialization import IncrementalMapper
+from taxelflow.estimation.template.levenberg_marquardt import HELD
 from taxelflow.estimation.template.observability import observability
-from taxelflow.estimation.template.observations import COARSE
+from taxelflow.estimation.template.observations import COARSE, LARGEST
 from taxelflow.estimation.template.pose_output import Poses, to_pad
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED
 from taxelflow.numerics.bspline import STATE
@@ -27,8 +28,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 
-@dataclass(frozen=True, slots=True)
-class _Odometry:
+class _Odometry(NamedTuple):
     """A pattern that changes is followed from scan to scan."""
 
     memory: int = 4
@@ -37,27 +37,14 @@ class _Odometry:
     """The odometry begins at the first scan with this share of the largest load."""
     misfit: float = 3.0
     """Chi-square per reading above which a scan is unresolved."""
-
-
-ODOMETRY = _Odometry()
-CHANGES = 2.0 * COARSE
-"""Error of a fit with one pattern above which the pattern changes: twice the error that fits begin with."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Turning:
-    """When a rotation is observable, and reported."""
-
     observability: float = 1.5
-    """A rotation is observable if a quantile of its observability exceeds this; ..."""
-    quantile: float = 0.9
     samples: int = 40
-    """... that quantile, and the number of scans in which it is computed."""
+    """A rotation is observable if its observability exceeds this in some of so many scans in which it is computed."""
     most_std_rad: float = 1.0
     """Standard deviation of the accumulated angle above which it is not reported."""
 
 
-_TURNING = _Turning()
+ODOMETRY = _Odometry()
 
 
 @dataclass(slots=True, eq=False)
@@ -85,9 +72,9 @@ def follow_changing(scanned: Scanned, pitch_m: float, *, turns: bool) -> tuple[P
         np.concatenate([one[:0:-1], other]) for one, other in zip(back[:3], ahead[:3], strict=True)
     )
     seen = max(ahead[3], back[3])
-    turns = turns or seen > _TURNING.observability
+    turns = turns or seen > ODOMETRY.observability
     pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=turns)
-    if turns and np.median(noise[:, 2, 2]) > _TURNING.most_std_rad**2:
+    if turns and np.median(noise[:, 2, 2]) > ODOMETRY.most_std_rad**2:
         turns = False
         pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=False)
     quality = np.where(misfit > ODOMETRY.misfit, UNRESOLVED, AMBIGUOUS).astype(np.uint8)
@@ -119,15 +106,15 @@ def _chain(scanned: Scanned) -> tuple[Floats, Floats, Floats, float]:
     """States (scans, 5), their information (scans, 5, 5), chi-square per reading (scans,), observability of theta."""
     mapper = _mapper(scanned)
     steps, misfit, observed = np.zeros((len(scanned), STATE, STATE)), np.zeros(len(scanned)), [0.0]
-    every = max(ODOMETRY.memory, len(scanned) // _TURNING.samples)
+    every = max(ODOMETRY.memory, len(scanned) // ODOMETRY.samples)
     for k in range(1, len(scanned)):
         mapper.keep_last(k, ODOMETRY.memory)
         steps[k], misfit[k] = mapper.register(k)
         if k % every == 0:
             factor = mapper.information.solve(mapper.pattern)
-            observed.append(observability(mapper.pattern, scanned, mapper.states, factor, k, COARSE).theta)
-    steps[0] = steps[1] if len(scanned) > 1 else 1e12 * np.eye(STATE)
-    return mapper.states, steps, misfit, float(np.quantile(observed, _TURNING.quantile))
+            observed.append(observability(mapper.pattern, scanned, mapper.states, factor, k, COARSE))
+    steps[0] = steps[1] if len(scanned) > 1 else HELD * np.eye(STATE)
+    return mapper.states, steps, misfit, float(np.quantile(observed, LARGEST))
 
 
 def _mapper(scanned: Scanned) -> IncrementalMapper:

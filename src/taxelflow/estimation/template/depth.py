@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.ndimage import correlate1d, spline_filter
 
-from taxelflow.numerics.bspline import KNOTS, basis, basis_bends, basis_slopes, states_of
+from taxelflow.numerics.bspline import AT_KNOT, KNOTS, SLOPE_AT_KNOT, basis, basis_bends, basis_slopes, states_of
 from taxelflow.runtime.compiling import inlined, routine
 
 if TYPE_CHECKING:
@@ -33,31 +33,18 @@ DEPTH_STD = 0.1
 """Prior standard deviation of the depth, as a share of the contact's largest reading."""
 
 
-class _Taxel(NamedTuple):
-    """The square that a taxel reads."""
+class _Heights(NamedTuple):
+    """Limits of heights, as shares of the contact's largest reading."""
 
-    half: float = 0.5
-    """Half the side of a taxel, in pitches."""
     level: float = 0.004
-    """Rise over half a taxel, as a share of the largest reading, below which the height is level along an axis."""
-
-
-TAXEL = _Taxel()
-
-
-class _Initial(NamedTuple):
-    """Heights that a fit begins with."""
-
+    """Rise over half a taxel below which the height is level along an axis."""
     touched: float = 0.06
-    """For the initial heights of a fit: pressure, as a share of the largest reading, up to which a taxel counts as
-    touched in part."""
+    """Pressure up to which a taxel counts as touched in part, in the initial heights of a fit."""
     least: float = 1e-3
-    """Lower limit of the pressure in that conversion, as a share of the largest reading."""
+    """Lower limit of the pressure there."""
 
 
-_INITIAL = _Initial()
-_AT_KNOT, _SLOPE_AT_KNOT = np.array([1.0, 4.0, 1.0]) / 6.0, np.array([-0.5, 0.0, 0.5])
-"""A cubic B-spline's value and slope at a knot, from the coefficients around it."""
+_HEIGHTS = _Heights()
 
 
 class Touch(NamedTuple):
@@ -78,9 +65,8 @@ def touch(height: float, slope_x: float, slope_y: float, level: float) -> Touch:
     The mean of max(h, 0) over a square: differences of its third integral, max(h, 0)^3 / 6. level: the contact's
     largest reading.
     """
-    least = TAXEL.level * level
-    flat_x, flat_y = TAXEL.half * abs(slope_x) < least, TAXEL.half * abs(slope_y) < least
-    x, y = max(TAXEL.half * abs(slope_x), least), max(TAXEL.half * abs(slope_y), least)
+    least, rise_x, rise_y = _HEIGHTS.level * level, 0.5 * abs(slope_x), 0.5 * abs(slope_y)
+    flat_x, flat_y, x, y = rise_x < least, rise_y < least, max(rise_x, least), max(rise_y, least)
     if height >= x + y:
         return Touch(height, 1.0, 0.0, 0.0)
     if height <= -x - y:
@@ -92,7 +78,7 @@ def touch(height: float, slope_x: float, slope_y: float, level: float) -> Touch:
     share = 3.0 * unit * (a * a - b * b - c * c + d * d)
     by_x = 0.0 if flat_x else 3.0 * unit * (a * a - b * b + c * c - d * d) - mean / x
     by_y = 0.0 if flat_y else 3.0 * unit * (a * a + b * b - c * c - d * d) - mean / y
-    return Touch(mean, share, TAXEL.half * by_x * np.sign(slope_x), TAXEL.half * by_y * np.sign(slope_y))
+    return Touch(mean, share, 0.5 * by_x * np.sign(slope_x), 0.5 * by_y * np.sign(slope_y))
 
 
 @routine
@@ -136,18 +122,18 @@ def add_tilt(
 
 def as_heights(pattern: Pattern) -> Pattern:
     """The initial pattern of heights of a fit, from one of pressure."""
-    part = _INITIAL.touched * pattern.amplitude
-    q = np.maximum(pattern.coefficients, _INITIAL.least * pattern.amplitude)
+    part = _HEIGHTS.touched * pattern.amplitude
+    q = np.maximum(pattern.coefficients, _HEIGHTS.least * pattern.amplitude)
     return replace(pattern, coefficients=q + part * np.log(-np.expm1(-q / part)))
 
 
 def as_pressure(pattern: Pattern) -> Pattern:
     """The pattern of pressure that taxels read of a pattern of heights at depth 0."""
     c, h = pattern.coefficients, pattern.lattice[0]
-    over = [correlate1d(c, _AT_KNOT, axis=axis, mode="nearest") for axis in (0, 1)]
-    height = correlate1d(over[0], _AT_KNOT, axis=1, mode="nearest")
-    slope_x = correlate1d(over[0], _SLOPE_AT_KNOT, axis=1, mode="nearest") / h
-    slope_y = correlate1d(over[1], _SLOPE_AT_KNOT, axis=0, mode="nearest") / h
+    over = [correlate1d(c, AT_KNOT, axis=axis, mode="nearest") for axis in (0, 1)]
+    height = correlate1d(over[0], AT_KNOT, axis=1, mode="nearest")
+    slope_x = correlate1d(over[0], SLOPE_AT_KNOT, axis=1, mode="nearest") / h
+    slope_y = correlate1d(over[1], SLOPE_AT_KNOT, axis=0, mode="nearest") / h
     read = [touch(*one, pattern.amplitude).mean for one in zip(height.flat, slope_x.flat, slope_y.flat, strict=True)]
     values = np.reshape(read, c.shape)
     return replace(pattern, coefficients=spline_filter(values, order=3, mode="mirror"))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -16,8 +15,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 
-@dataclass(frozen=True, slots=True)
-class _Margin:
+class _Margin(NamedTuple):
     """Where nothing was read."""
 
     reach: float = 1.5

@@ -8,7 +8,7 @@ else fitted again, gains of the taxels included. If hardly more is left, the rea
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -33,9 +33,13 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 
-class _Other(NamedTuple):
-    """Another motion that the readings are fitted with."""
+class _Test(NamedTuple):
+    """When a direction is tested, and the other motions that the readings are fitted with."""
 
+    textured: float = 2.0
+    """The map has texture along a direction above this many times what faults of the taxels make of its slopes."""
+    same: float = 0.87
+    """Cosine of directions that are tested as one."""
     changed: float = 2.0
     """Pitches by which the motion is changed: what one taxel reads, its neighbours must read, too."""
     scaled: tuple[float, float, float] = (0.0, 0.5, 1.5)
@@ -48,11 +52,11 @@ class _Other(NamedTuple):
     """What faults of taxels beside their gains leave of the largest reading, as a share of `unseen_error`."""
 
 
-_OTHER = _Other()
+_TEST = _Test()
 
 
 class _Fits(NamedTuple):
-    """Fits with a motion that is held."""
+    """Fits with a motion that is held, and the part of the readings that is fitted."""
 
     gain: float = 4.0
     most_gain: float = 0.5
@@ -62,37 +66,16 @@ class _Fits(NamedTuple):
     """Fits at least, and the ratio of the errors of two fits from which more of them lower it no further."""
     rounds: tuple[int, ...] = 3, *(2,) * 11
     """Rounds of fits at most; gains are estimated after each but the first."""
-
-
-_FITTED = _Fits()
-
-
-class _Part(NamedTuple):
-    """What is fitted: scans, and the part of a pad."""
-
-    fewest: int = 16
+    scans: tuple[int, int] = (16, 24)
     readings: int = 2000
-    """Scans, and readings in them, that the smoothing of a map does not outweigh: fewer are repeated."""
-    most: int = 24
+    """Scans, at least and at most, and readings in them, at least: fewer are repeated, else the smoothing of the map
+    outweighs them."""
     window: float = 8.0
     """Pitches from the middle to the sides of the square of a large pad that is tested. A fit's time grows with the
     fourth power of the width."""
 
 
-_PART = _Part()
-
-
-@dataclass(frozen=True, slots=True)
-class _Direction:
-    """A direction that is tested."""
-
-    shown: float = 2.0
-    """It has texture above this many times what faults of the taxels make of a map's slopes."""
-    same: float = 0.87
-    """Cosine of directions that are tested as one."""
-
-
-_DIRECTION = _Direction()
+_FITS = _Fits()
 
 
 def hidden_direction(scanned: Scanned, solved: Solved) -> Floats:
@@ -102,7 +85,7 @@ def hidden_direction(scanned: Scanned, solved: Solved) -> Floats:
     texture, by_faults = _texture(scanned, solved)
     shown = _shown_by_centre(scanned)
     for direction in _directions(texture, shown):
-        is_textured = direction @ texture @ direction > _DIRECTION.shown * by_faults
+        is_textured = direction @ texture @ direction > _TEST.textured * by_faults
         if not is_textured or not _is_determined(scanned, solved, direction):
             return direction
     return np.zeros(2)
@@ -115,7 +98,7 @@ def _directions(texture: Floats, shown: Floats) -> list[Floats]:
     least_shown = np.linalg.svd(shown)[2][1]
     least_textured = np.linalg.eigh(texture)[1][:, 0]
     hidden = [d for d in (least_textured, least_shown) if np.linalg.norm(shown @ d) < HIDDEN]
-    return hidden[:1] if abs(least_textured @ least_shown) > _DIRECTION.same else hidden
+    return hidden[:1] if abs(least_textured @ least_shown) > _TEST.same else hidden
 
 
 def shown_at_rest(scanned: Scanned) -> bool:
@@ -165,8 +148,8 @@ def _evaluated(scanned: Scanned, solved: Solved) -> tuple[Floats, Floats]:
 
 
 def _spread(count: int) -> NDArray[np.int64]:
-    """Numbers of at most `_PART.most` of `count` scans, evenly spread."""
-    return np.unique(np.linspace(0, count - 1, min(count, _PART.most)).round().astype(np.int64))
+    """Numbers of at most `_FITS.scans[1]` of `count` scans, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, min(count, _FITS.scans[1])).round().astype(np.int64))
 
 
 def _is_determined(scanned: Scanned, solved: Solved, direction: Floats) -> bool:
@@ -178,12 +161,10 @@ def _is_determined(scanned: Scanned, solved: Solved, direction: Floats) -> bool:
     if 2 * np.count_nonzero(part) < len(part):
         scans = scans.on(part)
     left = min(_left_along(scans, own, direction, at, start) for start in _starts(own))
-    ramp, middle = _OTHER.changed * np.linspace(-0.5, 0.5, len(scans)), at.mean()
-    changed = [
-        (other, max(_OTHER.times * left, _OTHER.faults * scans.unseen_error)) for other in (at + ramp, at - ramp)
-    ]
-    if np.ptp(at) > _OTHER.shortest:
-        changed += [(middle + factor * (at - middle), _OTHER.times * left) for factor in _OTHER.scaled]
+    ramp, middle = _TEST.changed * np.linspace(-0.5, 0.5, len(scans)), at.mean()
+    changed = [(other, max(_TEST.times * left, _TEST.faults * scans.unseen_error)) for other in (at + ramp, at - ramp)]
+    if np.ptp(at) > _TEST.shortest:
+        changed += [(middle + factor * (at - middle), _TEST.times * left) for factor in _TEST.scaled]
     return all(
         _left_along(scans, own, direction, other, start, most=most) > most
         for other, most in changed
@@ -195,8 +176,8 @@ def _most_textured(scanned: Scanned, solved: Solved, direction: Floats) -> Bools
     """(taxels,), those of the square in which the map's slopes along a direction are largest."""
     _, slopes = _evaluated(scanned, solved)
     squared = np.sum((slopes @ direction) ** 2, axis=0)
-    middles = _PART.window * np.unique((scanned.places / _PART.window).round(), axis=1)
-    within = np.abs(scanned.places[:, :, np.newaxis] - middles[:, np.newaxis]).max(axis=0) <= _PART.window
+    middles = _FITS.window * np.unique((scanned.places / _FITS.window).round(), axis=1)
+    within = np.abs(scanned.places[:, :, np.newaxis] - middles[:, np.newaxis]).max(axis=0) <= _FITS.window
     most: Bools = within[:, np.argmax(squared @ within)]
     return most
 
@@ -209,7 +190,7 @@ def _starts(solved: Solved) -> tuple[float, float]:
 def _repeated(scanned: Scanned, states: Floats) -> tuple[Scanned, Floats]:
     """Scans and their states (scans, 5), each as often, one after the other, as makes them enough."""
     count, taxels = scanned.readings.shape
-    times = -(-max(_PART.fewest, -(-_PART.readings // taxels)) // count)
+    times = -(-max(_FITS.scans[0], -(-_FITS.readings // taxels)) // count)
     if times <= 1:
         return scanned, states
     which = np.repeat(np.arange(count), times)
@@ -235,16 +216,16 @@ def _left_along(
     fill(pattern, along.with_error(error), states)
     precision = along.precision(turns=solved.turns, gain_std=solved.gain_std, size=SIZE_STD**-2)
     precision[0] = np.inf
-    off, gains = min(_FITTED.gain * scanned.unseen_error, _FITTED.most_gain), np.ones(scanned.readings.shape[1])
+    off, gains = min(_FITS.gain * scanned.unseen_error, _FITS.most_gain), np.ones(scanned.readings.shape[1])
     now = along
-    for k, rounds in enumerate(_FITTED.rounds):
+    for k, rounds in enumerate(_FITS.rounds):
         before = error
         fit = refine(pattern, now, states, rounds=rounds, error=error, precision=precision)
         error = learned_error(fit, now)
         if error <= most or (k == 0 and error - off * _rms(along) > most > 0.0):
             break
-        at_last = error - (before - error) * (len(_FITTED.rounds) - 1 - k)  # at the present pace, which slows down
-        if k + 1 >= _FITTED.fewest and (error > _FITTED.converged * before or at_last > most > 0.0):
+        at_last = error - (before - error) * (len(_FITS.rounds) - 1 - k)  # at the present pace, which slows down
+        if k + 1 >= _FITS.fewest and (error > _FITS.converged * before or at_last > most > 0.0):
             break
         if k > 0:
             gains = np.clip(gains * _gains(now, fit), 1.0 - off, 1.0 + off)

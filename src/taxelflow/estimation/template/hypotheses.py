@@ -13,11 +13,10 @@ from taxelflow.estimation.template.depth import DEPTH_STD, as_heights, take_dept
 from taxelflow.estimation.template.initialization import IncrementalMapper, centred, start_scan
 from taxelflow.estimation.template.likelihood import FEWEST, cost, learned_error, touched
 from taxelflow.estimation.template.map import covering, fill
-from taxelflow.estimation.template.observations import COARSE, FINE
+from taxelflow.estimation.template.observations import COARSE, FINE, REFUTED
 from taxelflow.estimation.template.rivals import agreement, apart_by_growth, apart_by_turn, reported
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
-from taxelflow.estimation.template.scan_gains import normalize_gains
-from taxelflow.estimation.template.solution import Solved
+from taxelflow.estimation.template.solution import Solved, normalize_gains
 from taxelflow.estimation.template.turning import (
     UNCONVERGED,
     explains_far_more,
@@ -41,8 +40,6 @@ _FIRST_ROUNDS, _ROUNDS = 4, (3, 3)
 """Rounds of a coarse fit, and of each fit of a refinement. More rounds fit errors of real skins, not the object."""
 ENOUGH_SCANS = 8
 """Scans from which the spread of the gains is learned."""
-_MAY_BE_STRAIGHT = 2.0 * COARSE
-"""Error of a coarse fit with a constant angle above which the object certainly turns."""
 _FAR_WORSE = 20.0
 """Cost per scan above the best beyond which a coarse fit is not refined: about twice the penalty of a free angle."""
 
@@ -56,7 +53,7 @@ def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None)
     """
     turns = [False] if scanned.across.any() else [False, True]
     tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
-    tried += [one for turn in turns for one in grown(scanned, tried[0].states, turns=turn)]
+    tried += [replace(one.copy(), turns=turn) for one in _grown(scanned, tried[0].states) for turn in turns]
     handicaps = [0.0] * len(tried)
     for again in [] if known is None else _from_known(scanned, known, turns):
         own = [UNCONVERGED * len(scanned) if one.kind == again.kind else 0.0 for one in tried]
@@ -104,7 +101,7 @@ def _rigid(scanned: Scanned, solved: list[Solved], others: list[Solved]) -> Solv
     explain the rotation, else it is a rival: a load that friction shifts over a ring looks like a rotation.
     """
     best = likeliest(solved, scanned)
-    straight = [one for one in others if one.kind == (False, False) and one.error <= _MAY_BE_STRAIGHT]
+    straight = [one for one in others if one.kind == (False, False) and one.error <= REFUTED]
     if not (scanned.unseen_error and straight and all(one.turns for one in solved)) or keeps_its_angle(best, scanned):
         return best
     held = refined(scanned, straight[0])
@@ -122,7 +119,7 @@ def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
     held.
     """
     straight = [_straight(scanned, one) for one in solved if one.turns]
-    straight = [one for one in straight if one.error <= _MAY_BE_STRAIGHT]
+    straight = [one for one in straight if one.error <= REFUTED]
     level = [refined(scanned, one) for one in _as_heights(scanned, [*solved, *straight])]
     deep = [refined(scanned, replace(one.copy(), depth=np.zeros(len(scanned)))) for one in level]
     clearly = 0.0
@@ -207,12 +204,12 @@ def _from_known(scanned: Scanned, known: Floats, turns: list[bool]) -> list[Solv
     return [coarse(scanned, known.copy(), turns=turn) for turn in turns if turn or not turned]
 
 
-def grown(scanned: Scanned, rigid: Floats, *, turns: bool) -> list[Solved]:
+def _grown(scanned: Scanned, rigid: Floats) -> list[Solved]:
     """The coarse fit of an object that stays while its contact grows with the load, where that may be: not if states
     `rigid` (scans, 5) of one that does not grow move far.
     """
     fits = [
-        Solved(*start, learned_error(start[2], scanned), FIRST_GAIN_STD, turns, grows=True)
+        Solved(*start, learned_error(start[2], scanned), FIRST_GAIN_STD, turns=False, grows=True)
         for start in grown_starts(scanned, rigid, start_scan(scanned))
     ]
     return [min(fits, key=lambda one: cost(one, scanned))] if fits else []

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,10 +21,11 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 
-@dataclass(frozen=True, slots=True)
-class _Schedule:
-    """When the pattern is solved again, and how a scan is registered to it."""
+class _Schedule(NamedTuple):
+    """Which scan is the first, when the pattern is solved again, and how a scan is registered to it."""
 
+    loaded: float = 0.5
+    """The first scan fitted has at least this share of the largest load."""
     refine_at: tuple[int, int, int, int] = (3, 8, 20, 50)
     """Numbers of scans at which pattern and poses are refined together."""
     refine_rounds: int = 6
@@ -39,9 +39,7 @@ class _Schedule:
     """Pitches from a loaded taxel to the border of the pattern below which the pattern grows."""
 
 
-_SCHEDULE = _Schedule()
-_LOADED_SHARE = 0.5
-"""The first scan fitted has at least this share of the largest load."""
+SCHEDULE = _Schedule()
 
 
 class IncrementalMapper:
@@ -97,9 +95,9 @@ class IncrementalMapper:
         self._cover(k)
         self._add(np.array([k]))
         count = len(self.done)
-        if count < _SCHEDULE.young or count % max(_SCHEDULE.solve_every, count // 10) == 0:
+        if count < SCHEDULE.young or count % max(SCHEDULE.solve_every, count // 10) == 0:
             self.information.solve(self.pattern)
-        if count in _SCHEDULE.refine_at and count < len(self.scanned):
+        if count in SCHEDULE.refine_at and count < len(self.scanned):
             self._refine()
 
     def _refine(self) -> None:
@@ -107,7 +105,7 @@ class IncrementalMapper:
         states, part = self.states[which], self.scanned.taken(which)
         part.bend(states)
         self.scanned.bends[which] = part.bends
-        refine(self.pattern, part, states, rounds=_SCHEDULE.refine_rounds, error=COARSE, precision=self.precision)
+        refine(self.pattern, part, states, rounds=SCHEDULE.refine_rounds, error=COARSE, precision=self.precision)
         self.states[which] = states
         self._sum_up()
 
@@ -135,7 +133,7 @@ class IncrementalMapper:
         information = np.zeros((STATE, STATE))
         for state in starts:
             cost, chi, count = register(
-                self.pattern.surface, taxels, prior, _SCHEDULE.huber, _SCHEDULE.iterations, state, information
+                self.pattern.surface, taxels, prior, SCHEDULE.huber, SCHEDULE.iterations, state, information
             )
             if cost < best - CHEAPER:
                 best = cost
@@ -166,7 +164,7 @@ class IncrementalMapper:
         if not len(places):
             return
         low, high = self.pattern.box
-        near = _SCHEDULE.near_border
+        near = SCHEDULE.near_border
         if (places.min(axis=0) - near >= low).all() and (places.max(axis=0) + near <= high).all():
             return
         covered = np.vstack([low + LATTICE.margin, high - LATTICE.margin, places])
@@ -185,7 +183,7 @@ def start_scan(scanned: Scanned) -> int:
     """The first scan to fit: well loaded, its contact nearest to the pad's centre."""
     load = scanned.load().sum(axis=1)
     away = np.hypot(*(scanned.centroids() - scanned.middle).T)
-    return int(np.argmin(np.where(load >= _LOADED_SHARE * load.max(), away, np.inf)))
+    return int(np.argmin(np.where(load >= SCHEDULE.loaded * load.max(), away, np.inf)))
 
 
 def centred(scanned: Scanned, states: Floats) -> Floats:

@@ -10,11 +10,12 @@ from taxelflow.estimation.template.linearization import Packed, linearise
 from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
+from taxelflow.numerics.rounding import NEGLIGIBLE
 from taxelflow.numerics.small_linalg import factor5, mirror, solved5
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
 
-class _Step(NamedTuple):
+class _Steps(NamedTuple):
     """Steps, and when they end."""
 
     enough: float = 1e-2
@@ -22,9 +23,13 @@ class _Step(NamedTuple):
     and the next one would be about a hundredth of that."""
     least_gain: float = 0.1
     """Least ratio of the gain after a step to that before."""
+    first: float = 1e-4
+    least: float = 1e-7
+    most: float = 1e4
+    """Damping, relative to the diagonal: at first, at least, and the one at which iterations end."""
 
 
-_STEP = _Step()
+_STEPS = _Steps()
 HELD = 1e12
 """Prior information of a component of the state that is held at its prior."""
 FREE = 1e-6
@@ -33,18 +38,6 @@ MAY_BE_HELD = tuple(part for part, name in enumerate(State._fields) if name != "
 """Components of the state that may be held."""
 ROOM = STATE + 4
 """Rows of five numbers that a registration needs as workspace: a matrix and four vectors."""
-
-
-class _Damping(NamedTuple):
-    """Of the iterations."""
-
-    first: float = 1e-4
-    least: float = 1e-7
-    most: float = 1e4
-    """Damping, relative to the diagonal: at first, at least, and the one at which iterations end."""
-
-
-_DAMPING = _Damping()
 
 
 class Prior(NamedTuple):
@@ -87,7 +80,7 @@ def refine_state(
 ) -> tuple[float, float, int]:
     """`register`, with room (`ROOM`, 5) to work in."""
     _hold(prior, state)
-    damping, best, best_chi, count = _DAMPING.first, np.inf, 0.0, 0
+    damping, best, best_chi, count = _STEPS.first, np.inf, 0.0, 0
     normal, right, best_right, step, kept = room[:STATE], room[5], room[6], room[7], room[8]
     for a in range(STATE):
         kept[a] = state[a]
@@ -100,14 +93,14 @@ def refine_state(
             for a in range(STATE):
                 kept[a], best_right[a] = state[a], right[a]
             copy_lower(normal, information)
-            damping = max(damping * 0.2, _DAMPING.least)
-            if gained < _STEP.enough:
+            damping = max(damping * 0.2, _STEPS.least)
+            if gained < _STEPS.enough:
                 break
         else:
             damping = max(damping * 20.0, 1e-3)
-            if damping > _DAMPING.most:
+            if damping > _STEPS.most:
                 break
-        factor = factor5(information, damping, 1e-12)
+        factor = factor5(information, damping, NEGLIGIBLE)
         if not factor.positive:
             break
         r = best_right
@@ -117,9 +110,9 @@ def refine_state(
             lowered += step[a] * best_right[a]
             state[a] = kept[a] + step[a]
         x, y, theta, gain, size = state_of(state)
-        gain = max(gain, _STEP.least_gain * state_of(kept).gain)  # pressure does not pull
+        gain = max(gain, _STEPS.least_gain * state_of(kept).gain)  # pressure does not pull
         put(State(x, y, theta, gain, size), state)
-        if lowered < _STEP.enough:
+        if lowered < _STEPS.enough:
             best -= lowered
             for a in range(STATE):
                 kept[a] = state[a]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,16 +18,9 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 
-@dataclass(frozen=True, slots=True)
-class _Learned:
-    """The error that is learned from what a fit leaves, as a share of the largest reading."""
-
-    least: float = 1e-3
-    """Every known sensor has more noise."""
-    most: float = 0.5
-
-
-_LEARNED = _Learned()
+_ERRORS = 1e-3, 0.5
+"""Least and largest error that is learned, as a share of the largest reading: every known sensor has more noise than
+the first."""
 FEWEST = 2
 """Readings per parameter, at least: in the logarithm of its cost, and of a fit whose error they show."""
 
@@ -43,7 +35,7 @@ def learned_error(fit: Fit, scanned: Scanned) -> float:
     def excess(share: float) -> float:
         return float(np.minimum(squared / (variance + (share * level) ** 2), OUTLIER).sum()) - wanted
 
-    low, high = _LEARNED.least, _LEARNED.most
+    low, high = _ERRORS
     if not len(squared) or excess(low) <= 0:
         return low
     for _ in range(30):  # halvings, to a relative error below 1e-8
@@ -110,9 +102,3 @@ def touched(scanned: Scanned) -> Bools:
     """(scans, taxels), readings of taxels that are loaded in any scan of the contact."""
     within: Bools = (scanned.variance > 0) & scanned.loaded().any(axis=0)
     return within
-
-
-def misfit(fit: Fit) -> Floats:
-    """(scans,), chi-square per degree of freedom."""
-    share: Floats = fit.chi / np.maximum(fit.counts, 1) / fit.freedom
-    return share

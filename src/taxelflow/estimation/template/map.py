@@ -33,8 +33,7 @@ BEYOND = WIDTH - 1
 """Knots beyond that, which the spline needs."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Smoothing:
+class _Smoothing(NamedTuple):
     """How the smoothing of a map is learned."""
 
     roughness: float = 0.12

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, overload
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.ndimage import convolve
@@ -13,7 +12,7 @@ from taxelflow.estimation.template.extrapolation import coverage, near
 from taxelflow.estimation.template.map import Pattern, fill
 from taxelflow.messages import LearnedPattern
 from taxelflow.numerics.blas import on_one_core
-from taxelflow.numerics.bspline import STATE, state_of
+from taxelflow.numerics.bspline import AT_KNOT, STATE, state_of
 from taxelflow.numerics.geometry import rotation
 
 if TYPE_CHECKING:
@@ -23,8 +22,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 
-@dataclass(frozen=True, slots=True)
-class _Limits:
+class _Limits(NamedTuple):
     """Limits of a map, and of all maps that are kept."""
 
     finer: int = 8
@@ -43,33 +41,17 @@ class _Limits:
 
 _LIMITS = _Limits()
 
-_AT_KNOT = np.outer([1.0, 4.0, 1.0], [1.0, 4.0, 1.0])[np.newaxis] / 36.0
-"""A cubic B-spline's value at a knot, from the coefficients around it."""
 
-
-class Maps(Sequence[LearnedPattern]):
+class Maps(list[LearnedPattern]):
     """The maps that a session keeps, oldest first: those of most scans, so that memory stays bounded."""
-
-    def __init__(self) -> None:
-        self._kept: list[LearnedPattern] = []
-
-    def __len__(self) -> int:
-        return len(self._kept)
-
-    @overload
-    def __getitem__(self, index: int) -> LearnedPattern: ...
-    @overload
-    def __getitem__(self, index: slice) -> list[LearnedPattern]: ...
-    def __getitem__(self, index: int | slice) -> LearnedPattern | list[LearnedPattern]:
-        return self._kept[index]
 
     def keep(self, found: LearnedPattern | None) -> None:
         """Add a map, if there is one."""
         if found is None:
             return
-        self._kept.append(found)
-        while len(self._kept) > _LIMITS.most or sum(one.pressure.nbytes for one in self._kept) > _LIMITS.most_bytes:
-            self._kept.remove(min(self._kept, key=lambda one: one.scans))
+        self.append(found)
+        while len(self) > _LIMITS.most or sum(one.pressure.nbytes for one in self) > _LIMITS.most_bytes:
+            self.remove(min(self, key=lambda one: one.scans))
 
 
 def as_map(
@@ -136,6 +118,7 @@ def _variance_at_knots(pattern: Pattern, scanned: Scanned, states: Floats, error
     own = replace(pattern)
     factor = fill(own, scanned.with_error(error), states)
     white = np.random.default_rng(0).standard_normal((own.coefficients.size, _LIMITS.draws))
-    values = convolve(factor.drawn(white).T.reshape(_LIMITS.draws, *own.shape), _AT_KNOT, mode="nearest")
+    at_knots = np.outer(AT_KNOT, AT_KNOT)[np.newaxis]
+    values = convolve(factor.drawn(white).T.reshape(_LIMITS.draws, *own.shape), at_knots, mode="nearest")
     variance: Floats = np.mean(values**2, axis=0)
     return variance

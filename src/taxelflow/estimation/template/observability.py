@@ -1,13 +1,14 @@
-"""Observability of a pose: its Fisher information over that which noise in the pattern alone would give."""
+"""Observability of a rotation: its Fisher information over that which noise in the pattern alone would give."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taxelflow.numerics.bspline import state_of
+from taxelflow.numerics.rounding import NEGLIGIBLE
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
@@ -19,14 +20,6 @@ _DRAWS = 8
 """Patterns drawn from the posterior, whose mean information stands for that of noise."""
 
 
-class Observability(NamedTuple):
-    """Observability of each part of a pose: information by the pattern over information by its noise."""
-
-    x: float
-    y: float
-    theta: float
-
-
 def observability(
     pattern: Pattern,
     scanned: Scanned,
@@ -36,13 +29,15 @@ def observability(
     error: float,
     *,
     pressed: bool = False,
-) -> Observability:
-    """Observability of x, y and theta in a given scan.
+) -> float:
+    """Observability of theta in a given scan; 0 for a line of taxels, see `scanned.across`.
 
     Errors of a pattern have slopes, too, which look like information. How much is measured on patterns of pure noise,
-    drawn from the posterior covariance, whose inverse `factor` factors. 0 across a line of taxels, and for its angle:
-    see `scanned.across`. pressed: whether only taxels on which the pattern presses count.
+    drawn from the posterior covariance, whose inverse `factor` factors. pressed: whether only taxels on which the
+    pattern presses count.
     """
+    if scanned.across.any():
+        return 0.0
     here = scanned.places, states[scan], scanned.bends[scan]
     base = pattern.read(*here)
     known = np.isfinite(base[:, 0]) & (scanned.variance[scan] > 0)
@@ -50,22 +45,20 @@ def observability(
         known &= base[:, 0] > 0.0
     gain = state_of(states[scan]).gain
     w = 1.0 / (scanned.variance[scan, known] + (error * scanned.amplitude) ** 2)
-    slopes, load = gain * base[known, 1:4], base[known, :1]
+    slopes = gain * base[known, 1:4]
+    others = np.concatenate([slopes[:, :2], base[known, :1]], axis=1)  # by x, y and the gain
+    weighted = (others * w[:, np.newaxis]).T
+    normal = weighted @ others + NEGLIGIBLE * np.eye(3)
 
-    def information(by: Floats, of: int) -> float:
-        """Information of slopes (taxels,) on one number while gain and the other two are unknown."""
-        others = np.concatenate([np.delete(slopes, of, axis=1), load], axis=1)
-        normal = (others * w[:, np.newaxis]).T @ others + 1e-12 * np.eye(3)
-        mixed = (others * w[:, np.newaxis]).T @ by
+    def information(by: Floats) -> float:
+        """Information of slopes by theta (taxels,), with x, y and the gain unknown."""
+        mixed = weighted @ by
         return float((w * by * by).sum() - mixed @ np.linalg.solve(normal, mixed))
 
     random = np.random.default_rng(0)
-    pretended = np.zeros(3)
+    pretended = 0.0
     for _ in range(_DRAWS):
         white = random.standard_normal((pattern.coefficients.size, 1))
-        drawn = factor.drawn(white).reshape(pattern.shape)
-        values = gain * replace(pattern, coefficients=drawn).read(*here)[known, 1:4]
-        pretended += [information(values[:, of], of) / _DRAWS for of in range(3)]
-    real = np.array([information(slopes[:, of], of) for of in range(3)])
-    unobservable = scanned.across
-    return Observability(*np.where([*unobservable, unobservable.any()], 0.0, real / np.maximum(pretended, 1e-300)))
+        drawn = replace(pattern, coefficients=factor.drawn(white).reshape(pattern.shape))
+        pretended += information((gain * drawn.read(*here)[known, 1:4])[:, 2]) / _DRAWS
+    return information(slopes[:, 2]) / max(pretended, 1e-300)

@@ -25,10 +25,10 @@ FINE = 0.005
 COARSE = 0.06
 """Error of a reading, as a share of its contact's largest, with which every fit begins: the flanks of a contact, where
 cross-talk, offsets and hysteresis are large, then weigh no more than its middle. It finds the basin."""
-_WELL_LOADED = 0.9
-"""Quantile of the scans' largest readings that stands for the contact's."""
-OUT = SIGNIFICANT
-"""Standard deviations from which a reading stands out."""
+REFUTED = 2.0 * COARSE
+"""Error that a fit leaves, as a share of the largest reading, above which its model does not hold."""
+LARGEST = 0.9
+"""Quantile that stands for the largest of many numbers, of which a few may be wrong."""
 _LOOSE_TURN = 1e-3
 """Keeps a turn that nothing determines from wandering: 1 / rad^2."""
 
@@ -48,7 +48,7 @@ def delays_of(layout: Layout) -> tuple[Floats, Floats]:
 def strength(readings: Floats, variance: Floats) -> Floats:
     """(...), how many standard deviations readings (..., taxels) that stand out are above nothing, together."""
     squared = np.divide(readings**2, variance, out=np.zeros_like(readings), where=(variance > 0) & (readings > 0))
-    total: Floats = np.sqrt(np.sum(squared, axis=-1, where=squared > OUT**2))
+    total: Floats = np.sqrt(np.sum(squared, axis=-1, where=squared > SIGNIFICANT**2))
     return total
 
 
@@ -94,7 +94,7 @@ class Scanned:
 
     t_s: (scans,). places: (2, taxels) in pitches. readings, variance: (scans, taxels), the latter 0 where a reading
     is not used. ceiling: (taxels,). delay_s: (taxels,), see `delays_of`. bends: (scans, 3, taxels or 0),
-    see `spline.evaluate`. unseen_error: see `Layout`. alive: (taxels,), those known to work.
+    see `bspline.evaluate`. unseen_error: see `Layout`. alive: (taxels,), those known to work.
     """
 
     t_s: Floats
@@ -139,7 +139,7 @@ class Scanned:
         a single reading may be wrong.
         """
         largest = self.readings.max(axis=1, initial=0.0, where=self.variance > 0)
-        return float(np.quantile(largest, _WELL_LOADED)) or 1.0
+        return float(np.quantile(largest, LARGEST)) or 1.0
 
     @property
     def reach(self) -> float:

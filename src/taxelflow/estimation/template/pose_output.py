@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.likelihood import misfit
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 from taxelflow.numerics.bspline import STATE, states_of
-from taxelflow.numerics.geometry import rotation
+from taxelflow.numerics.geometry import rotation, turned
 from taxelflow.numerics.robust import GATE
-from taxelflow.numerics.rounding import BLURRED
+from taxelflow.numerics.rounding import BLURRED, NEGLIGIBLE
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
@@ -62,7 +61,7 @@ class Poses:
 
         quality = np.zeros(len(present), np.uint8)
         quality[present] = self.quality
-        shared = self.shared if isinstance(self.shared, float) else among(self.shared)
+        shared = among(np.zeros_like(self.covariance) + self.shared)
         noise = None if self.noise is None else among(self.noise)
         return Poses(among(self.pose), among(self.covariance), quality, shared, noise)
 
@@ -113,21 +112,14 @@ class Poses:
     def _sharing(self, shared: Floats, pitch_m: float) -> Poses:
         """With an error of which consecutive scans share the covariance (scans, 3, 3)."""
         covariance = self.covariance + shared
-        worse = np.where(self.quality == OK, judge(covariance, np.zeros(len(self)), pitch_m), OK)
-        quality = np.maximum(self.quality, worse).astype(np.uint8)
+        quality = judged_again(self.quality, covariance, pitch_m)
         return replace(self, covariance=covariance, quality=quality, shared=self.shared + shared)
-
-    def tail(self, count: int) -> Poses:
-        """The last `count` scans."""
-        shared = self.shared if isinstance(self.shared, float) else self.shared[-count:]
-        noise = None if self.noise is None else self.noise[-count:]
-        return Poses(self.pose[-count:], self.covariance[-count:], self.quality[-count:], shared, noise)
 
 
 def poses_of(solved: Solved, scanned: Scanned, information: Floats, pitch_m: float) -> Poses:
     """Poses of all scans of a solved contact. information: (scans, 5, 5) of its states."""
     pose, covariance = to_pad(solved.states, information, solved.middle(scanned), pitch_m, turns=solved.turns)
-    quality = judge(covariance, misfit(solved.fit), pitch_m)
+    quality = judge(covariance, pitch_m, solved.fit.per_reading / solved.fit.freedom)
     if len(solved.agrees):
         quality = np.where(solved.agrees, quality, np.maximum(quality, AMBIGUOUS)).astype(np.uint8)
     return Poses(pose, covariance, quality)
@@ -137,7 +129,7 @@ def to_pad(
     states: Floats, information: Floats, centre: Floats, pitch_m: float, *, turns: bool
 ) -> tuple[Floats, Floats]:
     """Poses (scans, 3) and covariances (scans, 3, 3) of the body's point `centre` (2,), SI, from states (scans, 5)."""
-    own = np.linalg.inv(information + 1e-12 * np.eye(STATE))[:, :3, :3]
+    own = np.linalg.inv(information + NEGLIGIBLE * np.eye(STATE))[:, :3, :3]
     arm, lever = arm_of(centre, states), _lever(states, centre, pitch_m, turns=turns)
     pose = np.empty((len(states), 3))
     pose[:, :2] = pitch_m * (states[:, :2] + arm)
@@ -165,13 +157,11 @@ def _lever(states: Floats, centre: Floats, pitch_m: float, *, turns: bool) -> Fl
 def arm_of(centre: Floats, states: Floats) -> Floats:
     """(scans, 2), in pitches: from where the states (scans, 5) are to the body's point `centre` (2,)."""
     parts = states_of(states)
-    cos, sin = np.cos(parts.theta), np.sin(parts.theta)
-    turned = np.stack([cos * centre[0] - sin * centre[1], sin * centre[0] + cos * centre[1]], axis=1)
-    arm: Floats = np.exp(parts.size)[:, np.newaxis] * turned
+    arm: Floats = np.exp(parts.size)[:, np.newaxis] * turned(centre, parts.theta)
     return arm
 
 
-def judge(covariance: Floats, misfit: Floats, pitch_m: float) -> Bytes:
+def judge(covariance: Floats, pitch_m: float, misfit: Floats | float = 0.0) -> Bytes:
     """Quality (scans,). misfit: (scans,), chi-square per degree of freedom."""
     xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
     largest = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
@@ -182,16 +172,22 @@ def judge(covariance: Floats, misfit: Floats, pitch_m: float) -> Bytes:
     return quality.astype(np.uint8)
 
 
-def aligned(poses: Poses, before: Poses) -> Poses:
-    """Poses of a window in the frame of the window before, which ends with its first scans.
+def judged_again(quality: Bytes, covariance: Floats, pitch_m: float) -> Bytes:
+    """Quality (scans,) of poses whose covariance has changed."""
+    worse = np.where(quality == OK, judge(covariance, pitch_m), OK)
+    return np.maximum(quality, worse).astype(np.uint8)
+
+
+def aligned(poses: Poses, before: Floats) -> Poses:
+    """Poses of a window in the frame of the window before, which gave its first scans the poses (scans, 3) `before`.
 
     The object's own frame is arbitrary: it is shifted and turned so that both windows agree on the scans they share.
     """
     shared = len(before)
     turns = rotation(np.nan_to_num(poses.pose[:, 2]))
-    gap = before.pose[:, :2] - poses.pose[:shared, :2]
+    gap = before[:, :2] - poses.pose[:shared, :2]
     known = np.isfinite(gap).all(axis=1)
-    turn = (before.pose[:, 2] - poses.pose[:shared, 2])[known]
+    turn = (before[:, 2] - poses.pose[:shared, 2])[known]
     offset = float(np.mean(turn)) if len(turn) and np.isfinite(turn).all() else 0.0
     body = np.einsum("kji,kj->ki", turns[:shared][known], gap[known]).mean(axis=0) if known.any() else np.zeros(2)
     pose = poses.pose.copy()

@@ -7,8 +7,7 @@ border that cuts the contact.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,8 +23,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 
-@dataclass(frozen=True, slots=True)
-class _Growth:
+class _Growth(NamedTuple):
     """A contact that grows with its load."""
 
     loads: tuple[float, float] = (0.05, 0.95)

@@ -7,24 +7,22 @@ if they make the scans likelier, each of them counted as a parameter (Schwarz 19
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from taxelflow.estimation.template.hypotheses import refined
 from taxelflow.estimation.template.likelihood import FEWEST, cost
 from taxelflow.numerics.centroid import LOADED
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Floats
 
 
-@dataclass(frozen=True, slots=True)
-class _Learning:
+class _Learning(NamedTuple):
     """How gains of taxels are learned."""
 
     spread: float = 0.1
@@ -49,11 +47,10 @@ class Gains(NamedTuple):
     gain: float
 
 
-def with_gains(scanned: Scanned, solved: Solved, refined: Callable[[Scanned, Solved], Solved]) -> Solved:
+def with_gains(scanned: Scanned, solved: Solved) -> Solved:
     """The fit with the taxels' gains, if that is likelier; the readings in `scanned` are then divided by them.
 
-    solved: a fit of the readings as they are, or divided by gains that were known before. refined: refines a fit, given
-    the readings.
+    solved: a fit of the readings as they are, or divided by gains that were known before.
     """
     found = _estimated(scanned, solved, np.ones(scanned.readings.shape[1]), _LEARNING.spread)
     if found.gain <= found.penalty:

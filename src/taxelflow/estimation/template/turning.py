@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.bundle_adjustment import diagonals_of
 from taxelflow.estimation.template.likelihood import FEWEST, cost, touched, unexplained
 from taxelflow.estimation.template.observability import observability
-from taxelflow.estimation.template.observations import COARSE
-from taxelflow.numerics.bspline import States, states_of
+from taxelflow.estimation.template.observations import COARSE, LARGEST
+from taxelflow.numerics.bspline import states_of
 from taxelflow.numerics.rounding import OBSERVABLE, SIGNIFICANT
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.solution import Solved
-    from taxelflow.messages import Floats
 
 
-@dataclass(frozen=True, slots=True)
-class _Angle:
-    """An angle that is constant, or changes smoothly."""
-
-    insignificant: float = 0.9
-    """An object has not turned if this share of its angles is insignificant."""
-    steady: float = 12.0
-    """Scans per parameter of an angle that changes smoothly."""
-
-
-_ANGLE = _Angle()
+_STEADY = 12.0
+"""Scans per parameter of an angle that changes smoothly."""
 UNCONVERGED = 1.0
 """Cost per scan by which two fits may differ because they have not fully converged."""
 
@@ -65,7 +56,7 @@ def turns_surely(free: Solved, scanned: Scanned) -> bool:
 
 
 def turns_steadily(free: Solved, held: Solved, scanned: Scanned) -> bool:
-    """Whether the free fit is better if a smooth angle is penalised as one parameter per `_ANGLE.steady` scans.
+    """Whether the free fit is better if a smooth angle is penalised as one parameter per `_STEADY` scans.
 
     For patterns of heights only: their texture determines an angle, and they explain a part of what a rotation does.
     """
@@ -73,7 +64,7 @@ def turns_steadily(free: Solved, held: Solved, scanned: Scanned) -> bool:
         return False
     readings, scans = float(np.count_nonzero(touched(scanned))), len(scanned)
     saved = scans * float(np.log(max(readings / scans, FEWEST))) - scans  # each angle explains some noise, too
-    few = scans / _ANGLE.steady * float(np.log(max(readings, FEWEST)))
+    few = scans / _STEADY * float(np.log(max(readings, FEWEST)))
     return cost(free, scanned) - saved + few < cost(held, scanned)
 
 
@@ -87,9 +78,9 @@ def shows_angle(held: Solved, free: Solved, scanned: Scanned) -> bool:
 
 def keeps_its_angle(free: Solved, scanned: Scanned) -> bool:
     """Whether the angle of a free fit is observable and constant; a pattern of noise makes any angle look constant."""
-    variance, theta = _variances_of(free.fit.information).theta, states_of(free.states).theta
-    theta = theta - np.median(theta)
-    return bool(np.quantile(theta**2 / variance, _ANGLE.insignificant) < SIGNIFICANT**2) and turns_surely(free, scanned)
+    variance = diagonals_of(np.asarray(np.linalg.inv(free.fit.information), np.float64)).theta
+    theta = states_of(free.states).theta - np.median(states_of(free.states).theta)
+    return bool(np.quantile(theta**2 / variance, LARGEST) < SIGNIFICANT**2) and turns_surely(free, scanned)
 
 
 def _most_informed(free: Solved) -> int:
@@ -101,15 +92,4 @@ def _observability(solved: Solved, scanned: Scanned, *, pressed: bool = False, a
     """Observability of the angle, see `observability`, in a scan, or in that with the most information on it."""
     scan = _most_informed(solved) if at is None else at
     error = max(solved.error, COARSE)
-    found = observability(solved.pattern, scanned, solved.states, solved.fit.factor, scan, error, pressed=pressed)
-    return float(found.theta)
-
-
-def diagonals_of(matrices: Floats) -> States:
-    """Diagonals of matrices (scans, 5, 5) over states."""
-    return states_of(matrices.diagonal(axis1=1, axis2=2))
-
-
-def _variances_of(information: Floats) -> States:
-    """Variances of states, from their information (scans, 5, 5)."""
-    return diagonals_of(np.asarray(np.linalg.inv(information), np.float64))
+    return observability(solved.pattern, scanned, solved.states, solved.fit.factor, scan, error, pressed=pressed)

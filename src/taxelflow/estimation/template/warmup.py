@@ -8,9 +8,9 @@ import numpy as np
 
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.online.hand import PadScan
 from taxelflow.estimation.template.online.map_update import first_pattern, learn
 from taxelflow.estimation.template.online.relocalization import relocalise
-from taxelflow.estimation.template.online.track_state import PadScan
 from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.cut import open_sides
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
 from typing import TYPE_CHECKING
@@ -26,17 +25,9 @@ if TYPE_CHECKING:
     Work = Callable[[], LearnedPattern | None]
 
 
-@dataclass(frozen=True, slots=True)
-class _Queue:
-    """Contacts whose maps wait to be made."""
-
-    urgent: int = 32
-    """From this number on they are made even while something is being learned."""
-    most: int = 64
-    """Contacts that wait at most, those of most scans: their scans are held for it."""
-
-
-_QUEUE = _Queue()
+_MOST_WAITING = 64
+"""Contacts whose maps wait to be made, at most, those of most scans: their scans are held for it. While something is
+being learned, no map is made until half as many wait."""
 
 
 def map_of(pad: str, known: LocalMap, m: Track, pitch_m: float) -> Work:
@@ -77,7 +68,7 @@ class Ended:
             self._keep(work())
             return
         self._waiting.append((scans, work))
-        if len(self._waiting) > _QUEUE.most:
+        if len(self._waiting) > _MOST_WAITING:
             self._waiting.remove(min(self._waiting, key=itemgetter(0)))
 
     def go_on(self, *, busy: bool) -> None:
@@ -85,7 +76,7 @@ class Ended:
         if self._making is not None and self._making.done():
             self._keep(self._making.result())
             self._making = None
-        if self._making is None and self._waiting and (not busy or len(self._waiting) > _QUEUE.urgent):
+        if self._making is None and self._waiting and (not busy or 2 * len(self._waiting) > _MOST_WAITING):
             self._making = self._worker.submit(self._waiting.popleft()[1])
 
     def finish(self) -> None:

@@ -1,10 +1,10 @@
-"""The gauge of an adjusted map: its frame is put so that what was reported stays where it was on average.
+"""The gauge of an adjusted map: which point of the object is reported, which readings do not determine.
 
-Readings do not determine which point of an object is reported, the gauge of its map. Keyframes move when they are
-adjusted, and no choice of that point puts all of them where they were reported. This one does on average over the time
-that each keyframe stands for; those reported with a large variance count less. What is reported next has the error of
-the map now, not the sum of those of all before: how far keyframes were reported apart, beyond the variance that each
-was reported with.
+First the map is shifted into the frame of the map before (`align_gauge`). Keyframes move when they are adjusted, and no
+choice of the reported point puts all of them where they were reported. So of a map that turns it is then put where it
+was on average (`hold`), over the time that each keyframe stands for; those reported with a large variance count less.
+What is reported next has the error of the map now, not the sum of those of all before: how far keyframes were reported
+apart, beyond the variance that each was reported with.
 
 A map without rotation keeps its frame on the centre of pressure, see `witness`: a turn would mislead this mean.
 """
@@ -15,19 +15,63 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.online.witness import reported_places, turned_by
+from taxelflow.estimation.template.online.witness import reported_places
+from taxelflow.estimation.template.pose_output import arm_of
+from taxelflow.estimation.template.solution import shown_centre
 from taxelflow.numerics.bspline import state_of, states_of
+from taxelflow.numerics.geometry import turned
 from taxelflow.numerics.rounding import BLURRED
 
 if TYPE_CHECKING:
+    from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.online.keyframes import Keyframes
     from taxelflow.estimation.template.online.local_map import LocalMap
     from taxelflow.estimation.template.online.track_state import Track
+    from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Floats
 
 
-_BLURRED = 2.0 * BLURRED**2
-"""Variance of x and y together from which on a place is known badly, pitches^2: those known better count alike."""
+def align_gauge(before: Floats, best: Solved, scanned: Scanned, turn: float) -> tuple[Floats, Floats, Floats]:
+    """States (n, 5) of a solved contact in the frame of those before (n, 5), the origin (2,) of a frame that grows, and
+    how far the states are from those before (n, 5), x and y at the centre of pressure.
+
+    turn: by how much theta differs, the median.
+    """
+    away = np.array([0.0, 0.0, turn, 0.0, 0.0])
+    if best.grows:
+        origin = np.median(before[:, :2] - best.states[:, :2], axis=0)
+        off = best.states - before - away
+        return best.states, origin, off - np.median(off, axis=0)
+    shown = shown_centre(scanned, before)
+    middle = np.zeros(2) if shown is None else shown
+    arms = arm_of(middle, best.states - away) - arm_of(middle, before)
+    states = _fix_gauge(best.states, before[:, :2] - arms, best.fit.covariance, best.pattern)
+    off = states - before - away
+    off[:, :2] += arms
+    return states, np.zeros(2), off
+
+
+def _fix_gauge(states: Floats, before: Floats, covariance: Floats, pattern: Pattern) -> Floats:
+    """States (n, 5) with the object's frame shifted, and the pattern with it, so that most are where they were, (n, 2).
+
+    It is their median that stays, weighted by the inverse variance, covariance (n, 5, 5): some may have been wrong
+    before. Only the origin moves: a turned lattice would have to be learned again.
+    """
+    weight = 1.0 / (covariance[:, 0, 0] + covariance[:, 1, 1])
+    theta = states_of(states).theta
+    gap = turned(before - states[:, :2], -theta)
+    body = np.array([_weighted_median(along, weight) for along in gap.T])
+    moved = states.copy()
+    moved[:, :2] += turned(body, theta)
+    pattern.lattice = pattern.lattice - np.array([0.0, *body])
+    return moved
+
+
+def _weighted_median(values: Floats, weight: Floats) -> float:
+    order = np.argsort(values)
+    reached = np.cumsum(weight[order])
+    return float(values[order[np.searchsorted(reached, 0.5 * reached[-1])]])
 
 
 class _Place(NamedTuple):
@@ -85,11 +129,11 @@ class Reported:
             return None
         spans[-1] += m.last_t - found[-1].t_s if found[-1] is self._places[-1] else 0.0
         known = np.array([own.variance for own in found])
-        weights = spans / (_BLURRED + known)
+        weights = spans / (2.0 * BLURRED**2 + known)  # places that are not blurred count nearly alike
         states = keyframes.states[[number[own.t_s] for own in found]]
         angles = states_of(states).theta - m.theta_0
         away = np.array([own.place for own in found]) - reported_places(m, states)
-        gaps = np.ascontiguousarray(turned_by(away.T, -angles).T)
+        gaps = turned(away, -angles)
         shares = weights if weights.sum() > 0.0 else None
         mean: Floats = np.average(gaps, axis=0, weights=shares)
         excess = float(np.average(np.sum((gaps - mean) ** 2, axis=1) - known, weights=shares))
@@ -116,4 +160,4 @@ def hold(m: Track, learned: LocalMap, reported: Reported, pitch_m: float) -> Non
         m.wander += 0.5 * float(off @ off)
         return
     m.gauge[:] += off
-    m.before_centre[:2] += pitch_m * turned_by(off, float(state_of(m.state).theta) - m.theta_0)
+    m.before_centre[:2] += pitch_m * turned(off, float(state_of(m.state).theta) - m.theta_0)

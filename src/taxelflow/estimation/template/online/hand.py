@@ -1,21 +1,98 @@
-"""A layout as the kernels of a stream read it, with workspace."""
+"""A hand as the kernels of a stream read it: its taxels, a scan, its maps, and rows of estimates; with workspace."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taxelflow.estimation.template.levenberg_marquardt import ROOM
 from taxelflow.estimation.template.linearization import lanes_for
 from taxelflow.estimation.template.observations import delays_of
-from taxelflow.estimation.template.online.track_state import Hand, Room
+from taxelflow.messages import Bools, Estimates, Floats
 from taxelflow.numerics.bspline import STATE
 from taxelflow.numerics.cut import open_sides
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Bools, Floats
+    from taxelflow.messages import Scans
     from taxelflow.sensors.layout import Layout
+
+
+class Room(NamedTuple):
+    """To work in, for one pad at a time; made once, because memory takes time. lanes: (18, taxels of the largest pad in
+    whole vector registers); states: (19, 5); squares: (2, 3, 3).
+    """
+
+    lanes: Floats
+    states: Floats
+    squares: Floats
+
+
+class Hand(NamedTuple):
+    """Taxels of all pads. places: (pads, 2, taxels of the largest) in pitches; delay: (entries,) or (0,); edge:
+    (entries,), at a border of the pad; sides: (pads, 4, taxels of the largest), see `open_sides`; starts: (pads + 1,);
+    pitch_m: (pads,); lead_s: (pads,), see `observations.delays_of`; floor: share of a contact's largest reading
+    that the sensor may be wrong by unseen.
+    """
+
+    places: Floats
+    delay: Floats
+    edge: Bools
+    sides: Floats
+    starts: NDArray[np.int64]
+    pitch_m: Floats
+    lead_s: Floats
+    floor: float
+    room: Room
+
+
+class Scan(NamedTuple):
+    """One scan: reading, variance (0 where a reading does not count) and ceiling (entries,), divided by taxels' gains;
+    raw: (entries,), the reading as it is; contact: (pads,).
+    """
+
+    t: float
+    reading: Floats
+    variance: Floats
+    ceiling: Floats
+    raw: Floats
+    contact: Bools
+
+
+class PadScan(NamedTuple):
+    """One pad's part of a scan, (taxels,) each, where its taxels are, and which sides (4, taxels) are open."""
+
+    reading: Floats
+    variance: Floats
+    ceiling: Floats
+    raw: Floats
+    places: Floats
+    edge: Bools
+    sides: Floats
+
+
+class Patterns(NamedTuple):
+    """Patterns and their variance (pads, rows, cols), NaN beyond a pad's own; rests (4, entries), see
+    `residual_process`.
+    """
+
+    patterns: Floats
+    doubts: Floats
+    rests: Floats
+
+
+class Rows(NamedTuple):
+    """What the stream gives out, (scans, pads, ...), see `messages.Estimates`."""
+
+    pose: Floats
+    covariance: Floats
+    displacement: Floats
+    displacement_covariance: Floats
+    span_s: Floats
+    lag_s: Floats
+    disturbance: Floats
+    quality: NDArray[np.uint8]
 
 
 def hand_of(layout: Layout) -> Hand:
@@ -38,3 +115,25 @@ def places_of(hand: Hand, pad: int) -> Floats:
     """(2, taxels), places of a pad's taxels in pitches."""
     count = hand.starts[pad + 1] - hand.starts[pad]
     return np.ascontiguousarray(hand.places[pad, :, :count])
+
+
+def rows_of(estimates: Estimates) -> Rows:
+    """Estimates as kernels fill them in."""
+    return Rows(*(getattr(estimates, name) for name in Rows._fields))
+
+
+def room_for(scans: Scans) -> Estimates:
+    """Estimates to be filled in, row by row."""
+    shape = scans.contact.shape
+    vectors, matrices = (*shape, 3), (*shape, 3, 3)
+    return Estimates(
+        t_s=scans.t_s,
+        displacement=np.empty(vectors),
+        pose=np.empty(vectors),
+        covariance=np.empty(matrices),
+        displacement_covariance=np.empty(matrices),
+        span_s=np.empty(shape),
+        lag_s=np.empty(shape),
+        disturbance=np.empty(shape),
+        quality=np.empty(shape, np.uint8),
+    )

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from taxelflow.estimation.template.observations import Scanned
-    from taxelflow.estimation.template.online.track_state import Scan
+    from taxelflow.estimation.template.online.hand import Scan
     from taxelflow.messages import Floats
     from taxelflow.sensors.layout import Layout
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,15 +12,14 @@ from taxelflow.estimation.template.observations import COARSE, strength
 from taxelflow.estimation.template.online.track_state import FAINT
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.anchor import Anchor
+    from taxelflow.estimation.template.centre_of_pressure import Anchor
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.online.keyframes import Keyframes
     from taxelflow.messages import Floats
 
 
-@dataclass(frozen=True, slots=True)
-class _Slack:
+class _Slack(NamedTuple):
     """Slack of a map: the variance of poses by its error, pitches^2 and rad^2."""
 
     first: float = 0.0025
@@ -40,8 +39,7 @@ _NOTHING = 10.0
 """Scans of less strength may be noise; one that is stronger by `FAINT` is not."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Known:
+class _Known(NamedTuple):
     """When a pattern is known well."""
 
     keyframes: int = 10

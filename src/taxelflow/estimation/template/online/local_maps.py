@@ -10,15 +10,23 @@ import numpy as np
 from taxelflow.estimation.template.observations import across
 from taxelflow.estimation.template.online.ended import Ended, map_of
 from taxelflow.estimation.template.online.gauge import has_own_frame, hold
-from taxelflow.estimation.template.online.hand import hand_of, places_of
+from taxelflow.estimation.template.online.hand import (
+    PadScan,
+    Patterns,
+    Rows,
+    Scan,
+    hand_of,
+    places_of,
+    room_for,
+    rows_of,
+)
 from taxelflow.estimation.template.online.hand_gains import HandGains
 from taxelflow.estimation.template.online.mapping_thread import Candidate, Learner, Workers
 from taxelflow.estimation.template.online.relocalization import DOUBT
-from taxelflow.estimation.template.online.rows import room_for, rows_of
 from taxelflow.estimation.template.online.spreading import most_at_once
 from taxelflow.estimation.template.online.starting import Begun, FirstScan, begun, begun_anew
 from taxelflow.estimation.template.online.step import FOLLOW, follow_hand
-from taxelflow.estimation.template.online.track_state import KEYFRAMES, TURN_STD, PadScan, Patterns, Rows, Scan, Track
+from taxelflow.estimation.template.online.track_state import KEYFRAMES, Track
 from taxelflow.estimation.template.online.witness import (
     anchor,
     find_sure_shift,
@@ -30,6 +38,7 @@ from taxelflow.estimation.template.online.witness import (
 from taxelflow.messages import no_scans
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.records import record, records
+from taxelflow.numerics.rounding import NEGLIGIBLE
 from taxelflow.runtime.adoption import AtFixedTimes
 from taxelflow.runtime.settled import Settled
 
@@ -53,8 +62,7 @@ class LocalMaps:
     def __init__(self, layout: Layout, workers: Workers, latency_s: float, adopting: Adopting | None = None) -> None:
         """adopting: at fixed times if left out."""
         adopting = adopting or AtFixedTimes()
-        self._layout = layout
-        pads = len(layout.pads)
+        self._layout, pads = layout, len(layout.pads)
         self.hand = hand_of(layout)
         self.tracks = records(Track, pads)
         self.stored = Patterns(np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8)), np.zeros((4, layout.entries)))
@@ -197,7 +205,7 @@ class LocalMaps:
         m.error, m.usual, m.radius = learned.error, learned.usual, learned.radius
         m.amplitude = learned.scanned.amplitude
         self.gains.put(pad, learned.gains)
-        m.turn_std = TURN_STD if learned.turns else 0.0
+        m.turns = learned.turns
         m.gain_std = learned.loose_gain_std
         m.changing, m.seen, m.grows = learned.changing, learned.reports_turn, learned.grows or m.grows
         m.slack, m.slack_t = learned.slack + learned.unseen
@@ -228,12 +236,12 @@ class LocalMaps:
         if new.turns and not old.turns:  # it has turned all the while
             m.state[:] = state_of(m.state)._replace(theta=state_of(new.keyframes.states[-1]).theta)
         if new.grows:
-            own.take_over(new, [m.state])
+            own.take_over(new, m.state)
             if not old.grows:  # any size may be right
                 m.load = 0.0
         elif old.grows:
             own.forget_waiting()  # they were registered in another frame
-            own.take_over(new, [m.state])
+            own.take_over(new, m.state)
             m.grows, m.state[:] = False, state_of(m.state)._replace(size=0.0)
         else:
             m.shifted[:] = own.shifted(new, m.state)
@@ -258,7 +266,7 @@ class LocalMaps:
         m, pitch_m = self.track(pad), self.hand.pitch_m[pad]
         before = m.sure.copy()
         self.follow_again(pad, self._last._replace(t=float(m.last_t)))
-        find_sure_shift(1.0, m, np.linalg.inv(m.doubted + 1e-12 * np.eye(STATE)) + m.slack * np.eye(STATE))
+        find_sure_shift(1.0, m, np.linalg.inv(m.doubted + NEGLIGIBLE * np.eye(STATE)) + m.slack * np.eye(STATE))
         m.before_centre[:2] += pitch_m * (before - m.sure)
         turn = state_of(m.state).theta - m.theta_0 if m.seen else np.nan
         m.before[:] = *(pitch_m * reported_place(m, m.state)), turn
@@ -268,10 +276,10 @@ class LocalMaps:
         alone = np.zeros(len(self.learners), np.bool_)
         alone[pad] = True
         m = self.track(pad)
-        kept = m.speed.copy(), m.span, m.last_t
+        kept = m.speed.copy(), m.last_t
         m.speed[:] = 0.0
         self.run(FOLLOW, scan._replace(contact=alone), self._nothing)
-        m.speed[:], m.span, m.last_t = kept
+        m.speed[:], m.last_t = kept
         m.shifted[:] = 0.0
 
     def go_on(self, pad: int) -> None:

@@ -10,23 +10,17 @@ import numpy as np
 from taxelflow.estimation.template.bundle_adjustment import covariance_of, information_of
 from taxelflow.estimation.template.centre_of_pressure import anchor_of
 from taxelflow.estimation.template.contact_solver import solve_contact
-from taxelflow.estimation.template.deforming import CHANGES, ODOMETRY
-from taxelflow.estimation.template.depth import with_depth
+from taxelflow.estimation.template.deforming import ODOMETRY
 from taxelflow.estimation.template.extrapolation import extrapolate
 from taxelflow.estimation.template.hidden_motion import shown_at_rest
-from taxelflow.estimation.template.hypotheses import (
-    ENOUGH_SCANS,
-    FIRST_GAIN_STD,
-    coarse,
-    refined,
-)
-from taxelflow.estimation.template.initialization import IncrementalMapper, start_scan
+from taxelflow.estimation.template.hypotheses import ENOUGH_SCANS, FIRST_GAIN_STD, coarse, refined
+from taxelflow.estimation.template.initialization import SCHEDULE, IncrementalMapper, start_scan
 from taxelflow.estimation.template.likelihood import cost
 from taxelflow.estimation.template.map import covering, fill
-from taxelflow.estimation.template.observations import COARSE, FINE, Scanned
+from taxelflow.estimation.template.observations import COARSE, FINE, REFUTED, Scanned
+from taxelflow.estimation.template.online.gauge import align_gauge
 from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
 from taxelflow.estimation.template.online.local_map import SLACK, LocalMap
-from taxelflow.estimation.template.online.reframing import align_gauge
 from taxelflow.estimation.template.online.track_state import KEYFRAMES
 from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.numerics.blas import on_one_core
@@ -34,14 +28,12 @@ from taxelflow.numerics.bspline import states_of
 from taxelflow.numerics.robust import GATE, gate
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.anchor import Anchor
-    from taxelflow.estimation.template.online.track_state import PadScan
+    from taxelflow.estimation.template.centre_of_pressure import Anchor
+    from taxelflow.estimation.template.online.hand import PadScan
     from taxelflow.estimation.template.solution import Solved
     from taxelflow.messages import Bools, Floats
 _STRANGE = 2.0
 """How many times what still fits a keyframe may be from the others."""
-_YOUNG_ROUNDS = 6
-"""Rounds of refining the present hypothesis of few keyframes."""
 
 
 def first_pattern(
@@ -142,7 +134,7 @@ def _learn(known: LocalMap) -> LocalMap:
     pattern.doubt = own.doubt
     if count < KEYFRAMES.young:
         return new
-    return _forgetting(new) if new.error > CHANGES else _without_strangers(new, best)
+    return _forgetting(new) if new.error > REFUTED else _without_strangers(new, best)
 
 
 def _anchor(known: LocalMap, gains: Floats, best: Solved) -> Anchor | None:
@@ -159,8 +151,7 @@ def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:
     last = slice(-ODOMETRY.memory, None)
     states, error, own = best.states[last], max(best.error, tilt_std), scanned.taken(last)
     precision = own.precision(turns=best.turns, gain_std=best.gain_std)
-    level = own.amplitude if best.heights else 0.0
-    information = information_of(best.pattern, own, with_depth(states, best.depth[last]), error, precision, level)
+    information = information_of(best.pattern, own, states, error, precision)
     tilted = without_tilt(information, best.pattern, own, states, error, tilt_std)
     more = covariance_of(tilted) - covariance_of(information)
     return float(np.clip(np.median(0.5 * (more[:, 0, 0] + more[:, 1, 1])), 0.0, SLACK.most[0]))
@@ -177,7 +168,7 @@ def _without_strangers(new: LocalMap, best: Solved) -> LocalMap:
 
 def _strange(solved: Solved) -> Bools:
     """(scans,), those that fit far worse than most."""
-    share = solved.fit.chi / np.maximum(solved.fit.counts, 1)
+    share = solved.fit.per_reading
     usual = float(np.median(share))
     most = [_STRANGE * gate(usual, count) for count in solved.fit.counts]
     strange: Bools = share > most
@@ -225,7 +216,7 @@ def _again(known: LocalMap, scanned: Scanned, states: Floats) -> Solved:
     """The present hypothesis, from where the keyframes are."""
     if len(scanned) < ENOUGH_SCANS:
         starts = [states, _retraced(scanned, turns=known.turns)]
-        fits = [coarse(scanned, one, turns=known.turns, rounds=_YOUNG_ROUNDS) for one in starts]
+        fits = [coarse(scanned, one, turns=known.turns, rounds=SCHEDULE.refine_rounds) for one in starts]
         return min(fits, key=lambda one: one.error)
     start = coarse(scanned, states, turns=known.turns, rounds=0)
     return refined(scanned, replace(start, grows=known.grows, gain_std=known.gain_std))

@@ -15,7 +15,7 @@ from taxelflow.numerics.bspline import State, state_of
 from taxelflow.runtime.adoption import Lane
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
 
     from taxelflow.estimation.template.online.local_map import LocalMap
     from taxelflow.estimation.template.online.starting import Begun
@@ -126,13 +126,13 @@ class Learner:
         self._waiting, self._asked = [], 0
 
     def end(self, arm: Floats) -> None:
-        """The contact has ended; its pattern may come again. arm: (2, 2), see `arm_on_map`."""
+        """The contact has ended; its pattern may come again. arm: (3, 2), see `arm_on_map`."""
         if self.learned is not None and self.learned.mature:
             self.library = [*self.library, replace(self.learned, arm=arm)][-_LIBRARY:]
         self.learned = None
 
-    def take_over(self, new: LocalMap, states: Iterable[Floats]) -> None:
-        """Carry states (5,), in place, and those of the scans that wait, into the frame of a pattern that grows.
+    def take_over(self, new: LocalMap, state: Floats) -> None:
+        """Carry a state (5,), in place, and those of the scans that wait, into the frame of a pattern that grows.
 
         Its origin, its size and its gain have changed as they have for the newest keyframe.
         """
@@ -142,8 +142,8 @@ class Learner:
         now, before = state_of(last), state_of(self._newest)
         step = np.array(State(now.x - before.x, now.y - before.y, 0.0, 0.0, now.size - before.size))
         times = np.array(State(1.0, 1.0, 1.0, now.gain / before.gain, 1.0))
-        for state in (*states, *(scan.state for scan in self._waiting)):
-            state[:] = (state + step) * times
+        for one in (state, *(scan.state for scan in self._waiting)):
+            one[:] = (one + step) * times
 
     def shifted(self, new: LocalMap, state: Floats) -> Floats:
         """(3,), by how much the newest keyframe has moved on a new pattern; the gain of a state (5,) changes as its."""

@@ -65,7 +65,6 @@ def update_motion(t: float, span: float, last: Floats, middle: Floats, m: Track)
             m.speed[a] = speed
         m.persistence[0] = faded * m.persistence[0] + product
         m.persistence[1] = faded * m.persistence[1] + square
-        m.span = span
     m.last_t = t
     m.centroid[0], m.centroid[1], m.border, m.load = middle[0], middle[1], middle[2], middle[3]
 

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits
-from taxelflow.estimation.template.online.track_state import FAINT, GONE, KEYFRAMES, NOTHING, NOVEL, Room, Rows, Track
+from taxelflow.estimation.template.online.hand import Room, Rows
+from taxelflow.estimation.template.online.track_state import FAINT, GONE, KEYFRAMES, NOTHING, NOVEL, Track
 from taxelflow.estimation.template.online.witness import (
     add_weighted,
     find_centre,
@@ -36,21 +37,11 @@ class _Unfit(NamedTuple):
     given_up: int = 20
     """After this many scans in a row that do not fit, they are learned from, and the pattern is given up: the latter
     only where they do not fit at all, for a pattern that changes is learned again."""
+    leap: float = 1.5
+    """A scan that moves this many radii and pitches at once is not believed."""
 
 
 _UNFIT = _Unfit()
-
-
-class _Leap(NamedTuple):
-    """Motion that is not believed."""
-
-    pitches: float = 1.5
-    """A scan that moves this many radii and pitches at once is not believed."""
-    louder: float = 0.5
-    """A change of the gain's logarithm by this much counts as a pitch."""
-
-
-_LEAP = _Leap()
 
 
 @lean_kernel
@@ -103,7 +94,7 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
     if state_of(m.state).gain > FAINT and m.keyframes < KEYFRAMES.young:
         m.flag = NOVEL
     given_up = m.poor >= _UNFIT.given_up and m.unexplained > UNEXPLAINED.known
-    if moved > _LEAP.pitches * (1.0 + m.radius) or given_up:
+    if moved > _UNFIT.leap * (1.0 + m.radius) or given_up:
         m.flag = GONE
         rows.quality[k, pad] = LOST
 
@@ -155,7 +146,7 @@ def _displacement(
             step[a] = pose[a] - m.before[a]
             for b in range(3):
                 covariance[a, b] = noise[a, b] + m.before_covariance[a, b]
-        rows.span[k, pad] = t - m.before_t
+        rows.span_s[k, pad] = t - m.before_t
         moved = np.hypot(step[0], step[1])
         weigh_step(step, covariance, centre, m.before_centre, weight)
     for a in range(3):
@@ -178,7 +169,7 @@ def _shown(m: Track) -> bool:
         if dx * dx + dy * dy >= KEYFRAMES.near * KEYFRAMES.near:
             continue
         apart = np.sqrt(dx * dx + dy * dy) + m.radius * abs(now.theta - shown.theta)
-        apart += abs(np.log(now.gain / shown.gain)) * KEYFRAMES.near / _LEAP.louder
+        apart += abs(np.log(now.gain / shown.gain)) * KEYFRAMES.near / KEYFRAMES.louder
         close += 1 if apart < KEYFRAMES.near else 0
         if close == KEYFRAMES.same:
             return True

@@ -11,7 +11,7 @@ from taxelflow.numerics.bspline import evaluate, state_of
 from taxelflow.numerics.records import record
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.online.track_state import Hand, Patterns
+    from taxelflow.estimation.template.online.hand import Hand, Patterns
     from taxelflow.messages import Floats
     from taxelflow.numerics.records import Records
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -18,15 +17,15 @@ from taxelflow.runtime.compiling import kernel
 from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
+    from taxelflow.estimation.template.online.hand import PadScan
     from taxelflow.estimation.template.online.local_map import LocalMap
-    from taxelflow.estimation.template.online.track_state import PadScan, Track
+    from taxelflow.estimation.template.online.track_state import Track
 
 DOUBT = 0.25
 """Share of a map's approximate variance that counts when scans are registered."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Search:
+class _Search(NamedTuple):
     """Where a known pattern is looked for, and when it is found."""
 
     about: float = 1.0

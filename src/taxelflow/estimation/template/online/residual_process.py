@@ -21,7 +21,8 @@ import numpy as np
 
 from taxelflow.estimation.template.linearization import Packed, linearise, look_up
 from taxelflow.estimation.template.map import Surface
-from taxelflow.estimation.template.online.track_state import PadScan, Track
+from taxelflow.estimation.template.online.hand import PadScan
+from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.robust import FITS

@@ -2,7 +2,7 @@
 
 What is learned from a scan is adopted a fixed time after it, by the scans' own clock, so that results do not depend on
 how fast the machine is or how the stream is cut; a machine that is too slow makes the stream wait. A live loop adopts
-it when it is ready instead, see `background.adoption`.
+it when it is ready instead, see `runtime.adoption`.
 """
 
 from __future__ import annotations
@@ -13,20 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits
+from taxelflow.estimation.template.online.hand import Rows, Scan, room_for, rows_of
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.mapping_thread import Workers
 from taxelflow.estimation.template.online.prediction import change, expected
 from taxelflow.estimation.template.online.relocalization import close, relocalise, surely_elsewhere
-from taxelflow.estimation.template.online.rows import room_for, rows_of
 from taxelflow.estimation.template.online.spreading import Turns, most_at_once
 from taxelflow.estimation.template.online.step import ASKS, BOTH, ELSEWHERE, REPORT
-from taxelflow.estimation.template.online.track_state import (
-    FAINT,
-    GONE,
-    Rows,
-    Scan,
-    Track,
-)
+from taxelflow.estimation.template.online.track_state import FAINT, GONE, Track
 from taxelflow.estimation.template.online.witness import arm_on_map, put_anew, reported_place
 from taxelflow.estimation.template.warmup import compile_batch, compile_stream
 from taxelflow.messages import Bools, Estimates, Scans, no_scans

@@ -10,8 +10,8 @@ from taxelflow.estimation.template.online.relocalization import relocalise
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from taxelflow.estimation.template.online.hand import PadScan
     from taxelflow.estimation.template.online.local_map import LocalMap
-    from taxelflow.estimation.template.online.track_state import PadScan
     from taxelflow.messages import Bools, Floats
 
 

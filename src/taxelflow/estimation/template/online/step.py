@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from taxelflow.estimation.template.online.hand import Hand, Patterns, Rows, Scan
 from taxelflow.estimation.template.online.output import report
-from taxelflow.estimation.template.online.track_state import NOTHING, Hand, Patterns, Rows, Scan, Track
+from taxelflow.estimation.template.online.track_state import NOTHING, Track
 from taxelflow.estimation.template.online.tracking import follow
 from taxelflow.numerics.records import Records
 from taxelflow.runtime.compiling import kernel
@@ -23,7 +24,7 @@ set."""
 
 @kernel
 def follow_hand(job: int, k: int, scan: Scan, hand: Hand, maps: Patterns, tracks: Records, rows: Rows) -> int:
-    """Do FOLLOW, REPORT or BOTH with one scan, into row k of `rows`, whatever stood there.
+    """Register one scan (FOLLOW), overwrite row k of `rows` with its estimates (REPORT), or do BOTH.
 
     If not all pads fit, BOTH stops before the report.
     """
@@ -32,7 +33,7 @@ def follow_hand(job: int, k: int, scan: Scan, hand: Hand, maps: Patterns, tracks
         if job == FOLLOW or not fits:
             return DONE if fits else ELSEWHERE
     rows.pose[k], rows.displacement[k], rows.covariance[k] = np.nan, np.nan, np.nan
-    rows.displacement_covariance[k], rows.span[k], rows.lag[k] = np.nan, np.nan, np.nan
+    rows.displacement_covariance[k], rows.span_s[k], rows.lag_s[k] = np.nan, np.nan, np.nan
     rows.disturbance[k], rows.quality[k] = np.nan, 0
     asks = False
     for pad in range(len(scan.contact)):
@@ -42,6 +43,6 @@ def follow_hand(job: int, k: int, scan: Scan, hand: Hand, maps: Patterns, tracks
             m.continues = False
             continue
         report(scan.t, k, pad, hand.pitch_m[pad], hand.floor, m, hand.room, rows)
-        rows.lag[k, pad] = -hand.lead_s[pad]
+        rows.lag_s[k, pad] = -hand.lead_s[pad]
         asks = asks or m.flag != NOTHING
     return ASKS if asks else DONE

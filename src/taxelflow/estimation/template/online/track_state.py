@@ -1,13 +1,10 @@
-"""State of a pad's track from scan to scan, and the arrays of a hand as kernels read them."""
+"""State of a pad's track from scan to scan."""
 
 from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from taxelflow.messages import Bools, Floats
+from taxelflow.messages import Floats
 from taxelflow.numerics.records import Vector
 
 StateVector = Annotated[Floats, 5]
@@ -24,6 +21,8 @@ class _Keyframes(NamedTuple):
     """A map of fewer keyframes is young: it is adopted sooner, and learns from every scan that does not fit."""
     near: float = 0.25
     """Scans whose places on the map are closer than this, in pitches, show the same, ..."""
+    louder: float = 0.5
+    """... as those whose gains' logarithms are closer than this; ..."""
     same: int = 5
     """... and this many keyframes that show the same are enough."""
     far: float = 1.0
@@ -35,8 +34,6 @@ class _Keyframes(NamedTuple):
 
 
 KEYFRAMES = _Keyframes()
-TURN_STD = 0.1
-"""How far theta may move from scan to scan, rad."""
 FAINT = 3.0
 """A pattern from scans fainter by this factor is not worth keeping."""
 NOTHING, NOVEL, GONE = range(3)
@@ -66,8 +63,8 @@ class Track:
     """Largest reading of the keyframes."""
     usual: float
     """Chi-square per reading that its scans usually leave."""
-    turn_std: float
-    """How far theta may move from scan to scan; 0 if it is fixed."""
+    turns: bool
+    """Whether theta may move; else it is held."""
     gain_std: float
     """How far the gain may, as a share of it."""
     chi: float
@@ -81,9 +78,7 @@ class Track:
     speed: Vector
     """From the scan before to the last one, per s."""
     persistence: Annotated[Floats, 2]
-    """Sums over the last second: products of a step and the one before it, and squares of the latter, in pitches."""
-    span: float
-    """Time between them, s."""
+    """Products of a step and the one before it, and squares of the latter: sums that fade within about a second."""
     last_t: float
     """Time of the last registered scan, s."""
     centroid: Annotated[Floats, 2]
@@ -165,79 +160,3 @@ class Track:
     keyframes: int
     keyframe: Annotated[Floats, KEYFRAMES.most, 5]
     """States of the scans that the pattern is learned from."""
-
-
-class Room(NamedTuple):
-    """To work in, for one pad at a time; made once, because memory takes time. lanes: (18, taxels of the largest pad in
-    whole vector registers); states: (19, 5); squares: (2, 3, 3).
-    """
-
-    lanes: Floats
-    states: Floats
-    squares: Floats
-
-
-class Hand(NamedTuple):
-    """Taxels of all pads. places: (pads, 2, taxels of the largest) in pitches; delay: (entries,) or (0,); edge:
-    (entries,), at a border of the pad; sides: (pads, 4, taxels of the largest), see `open_sides`; starts: (pads + 1,);
-    pitch_m: (pads,); lead_s: (pads,), see `observations.delays_of`; floor: share of a contact's largest reading
-    that the sensor may be wrong by unseen.
-    """
-
-    places: Floats
-    delay: Floats
-    edge: Bools
-    sides: Floats
-    starts: NDArray[np.int64]
-    pitch_m: Floats
-    lead_s: Floats
-    floor: float
-    room: Room
-
-
-class Scan(NamedTuple):
-    """One scan: reading, variance (0 where a reading does not count) and ceiling (entries,), divided by taxels' gains;
-    raw: (entries,), the reading as it is; contact: (pads,).
-    """
-
-    t: float
-    reading: Floats
-    variance: Floats
-    ceiling: Floats
-    raw: Floats
-    contact: Bools
-
-
-class PadScan(NamedTuple):
-    """One pad's part of a scan, (taxels,) each, where its taxels are, and which sides (4, taxels) are open."""
-
-    reading: Floats
-    variance: Floats
-    ceiling: Floats
-    raw: Floats
-    places: Floats
-    edge: Bools
-    sides: Floats
-
-
-class Patterns(NamedTuple):
-    """Patterns and their variance (pads, rows, cols), NaN beyond a pad's own; rests (4, entries), see
-    `residual_process`.
-    """
-
-    patterns: Floats
-    doubts: Floats
-    rests: Floats
-
-
-class Rows(NamedTuple):
-    """What the stream gives out, (scans, pads, ...), see `messages.Estimates`."""
-
-    pose: Floats
-    covariance: Floats
-    displacement: Floats
-    displacement_covariance: Floats
-    span: Floats
-    lag: Floats
-    disturbance: Floats
-    quality: NDArray[np.uint8]

@@ -10,18 +10,10 @@ from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, MAY_BE
 from taxelflow.estimation.template.linearization import Packed, lanes_for, pack_places, pack_readings
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits, unexplained, unexplained_and_doubted
+from taxelflow.estimation.template.online.hand import Hand, PadScan, Patterns, Room, Scan
 from taxelflow.estimation.template.online.motion import GROWTH, growth_std, is_at_rest, update_motion
 from taxelflow.estimation.template.online.residual_process import predict, update
-from taxelflow.estimation.template.online.track_state import (
-    KEYFRAMES,
-    TURN_STD,
-    Hand,
-    PadScan,
-    Patterns,
-    Room,
-    Scan,
-    Track,
-)
+from taxelflow.estimation.template.online.track_state import KEYFRAMES, Track
 from taxelflow.estimation.template.online.witness import find_shift, middle_of
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
@@ -38,10 +30,10 @@ jump; and for an object that may have begun to turn, or to grow with the load.""
 _ITERATIONS = np.int64(12)  # numba compiles `register` again for each constant of Python
 _LOOSE_GAIN_STD = 0.5
 """Standard deviation of a gain that may jump, as a share of it."""
+_TURN_STD = 0.1
+"""How far theta may move from scan to scan, rad."""
 _PAID = 0.3
 """Share of the misfit that turning or growing must explain."""
-
-
 _CUT = 0.1
 """A contact is cut if so much of its load lies at the border; an object that is whole may begin to turn."""
 
@@ -93,7 +85,7 @@ def _follow_pad(
             find_hidden(scan.raw, scan.variance, scan.places, scan.sides, middle, m.hidden[:])
     m.cut = m.cut or middle[2] > _CUT
     in_line = m.across[0] > 0.0 or m.across[1] > 0.0
-    may_turn = m.turn_std == 0.0 and not m.cut and not in_line
+    may_turn = not m.turns and not m.cut and not in_line
     may_grow = not m.grows and m.away <= GROWTH.stays and m.keyframes >= KEYFRAMES.same
     poor = not fits(m)
     grown_std = growth_std(m.load, middle[3])
@@ -131,7 +123,7 @@ def _follow_pad(
     for i in range(len(scan.reading)):
         rest[3, i] = scan.reading[i] - brought[0, i] if m.carries else 0.0
     if m.carries or rests or chi > GATE * usual:
-        _stiffen(m, m.turn_std, grown_std if m.grows else 0.0, state_of(precision).gain, precision)
+        _stiffen(m, m.turns, grown_std if m.grows else 0.0, state_of(precision).gain, precision)
         before = brought[:, : count if m.carries else 0]
         m.chi = update(surface, taxels, error, chi / usual, rests, before, rest, precision, lanes[16:], m)
         m.carries = rests or m.chi > GATE * m.usual
@@ -226,14 +218,12 @@ def _search(surface: Surface, taxels: Packed, search: Search, m: Track) -> float
             continue
         last = state_of(states[0])
         put(_start(attempt, last, search, m), trial)
-        turn_std, grown_std = m.turn_std, search.grown_std if m.grows else 0.0
-        if attempt == _TURNS:
-            turn_std = TURN_STD
-        elif attempt == _GROWS:
+        grown_std = search.grown_std if m.grows else 0.0
+        if attempt == _GROWS:
             grown_std = GROWTH.first_std
         gain_std = m.gain_std if attempt < _LOOSE else _LOOSE_GAIN_STD
-        _stiffen(m, turn_std, grown_std, 1.0 / (gain_std * last.gain) ** 2, precision)
-        theta = state_of(trial).theta if m.turn_std > 0.0 else last.theta
+        _stiffen(m, m.turns or attempt == _TURNS, grown_std, 1.0 / (gain_std * last.gain) ** 2, precision)
+        theta = state_of(trial).theta if m.turns else last.theta
         put(State(last.x, last.y, theta, last.gain, last.size), mean)
         prior = Prior(mean, precision)
         cost, chi, count = refine_state(surface, taxels, prior, HUBER, _ITERATIONS, trial, found, states[10:])
@@ -271,18 +261,18 @@ def _start(attempt: int, last: State, search: Search, m: Track) -> State:
     dx = dy = turn = 0.0
     if attempt == _PREDICTED:
         dx, dy = m.speed[0] * search.span + m.shifted[0], m.speed[1] * search.span + m.shifted[1]
-        turn = m.speed[2] * search.span + m.shifted[2] if m.turn_std > 0.0 else 0.0
+        turn = m.speed[2] * search.span + m.shifted[2] if m.turns else 0.0
     elif attempt == _WITH_CENTROID:
         dx, dy = search.states[1, 0] - m.centroid[0], search.states[1, 1] - m.centroid[1]
     return State(last.x + dx, last.y + dy, last.theta + turn, last.gain, last.size)
 
 
 @lean_kernel
-def _stiffen(m: Track, turn_std: float, grown_std: float, gain: float, precision: Floats) -> None:
-    """Fill precision (5,), with the gain's given; an angle or a size whose standard deviation is 0 is held."""
+def _stiffen(m: Track, turns: bool, grown_std: float, gain: float, precision: Floats) -> None:
+    """Fill precision (5,), with the gain's given. The angle is held if it does not turn, the size if grown_std is 0."""
     x = HELD if m.across[0] > 0.0 else FREE
     y = HELD if m.across[1] > 0.0 else FREE
-    theta = 1.0 / turn_std**2 if turn_std > 0.0 else HELD
+    theta = 1.0 / _TURN_STD**2 if turns else HELD
     size = 1.0 / grown_std**2 if grown_std > 0.0 else HELD
     put(State(x, y, theta, gain, size), precision)
 

@@ -7,18 +7,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.centre_of_pressure import BORDER_ERROR
-from taxelflow.estimation.template.online.track_state import KEYFRAMES, PadScan, Track
+from taxelflow.estimation.template.online.hand import PadScan
+from taxelflow.estimation.template.online.track_state import KEYFRAMES, Track
 from taxelflow.estimation.template.two_witnesses import combine, surely, transformed
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of, states_of
 from taxelflow.numerics.centroid import loaded_centroid, pressure_centre
 from taxelflow.numerics.cut import HIDDEN
+from taxelflow.numerics.geometry import turned
 from taxelflow.numerics.rounding import NEGLIGIBLE
 from taxelflow.numerics.small_linalg import eigenvalues2
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.anchor import Anchor
+    from taxelflow.estimation.template.centre_of_pressure import Anchor
 
 
 @kernel
@@ -40,10 +42,10 @@ def anchor(m: Track, middle: Floats, arm: Floats | None = None) -> None:
     """
     if arm is None:
         angle = float(state_of(m.state).theta) - m.theta_0
-        m.arm[:], m.gauge[:], m.arm_load = turned_by(middle - m.state[:2] - m.origin, -angle), 0.0, m.load
+        m.arm[:], m.gauge[:], m.arm_load = turned(middle - m.state[:2] - m.origin, -angle), 0.0, m.load
         m.inside[:], m.shift[:], m.sure[:] = np.nan, 0.0, 0.0
     else:
-        m.arm[:], m.gauge[:], m.inside[:] = (turned_by(one, m.theta_0) for one in arm)
+        m.arm[:], m.gauge[:], m.inside[:] = (turned(one, m.theta_0) for one in arm)
         m.arm_load = np.inf
     m.centroid[:] = middle
     put_anew(m)
@@ -53,9 +55,9 @@ def put_on_average(m: Track, anchor: Anchor) -> None:
     """Report the point of the object on which the centre of pressure lies on average, but of an object that was known
     before, or is seen along a line only.
     """
-    m.inside[:] = turned_by(anchor.inside, m.theta_0)
+    m.inside[:] = turned(anchor.inside, m.theta_0)
     if np.isfinite(m.arm_load) and not np.any(m.across > 0.0):
-        m.arm[:] = turned_by(anchor.arm, m.theta_0)
+        m.arm[:] = turned(anchor.arm, m.theta_0)
 
 
 def keep_shift(m: Track, middle: Floats) -> None:
@@ -63,7 +65,7 @@ def keep_shift(m: Track, middle: Floats) -> None:
     centre of pressure of that scan.
     """
     if not np.isnan(m.inside).any():
-        m.inside[:] = turned_by(middle - m.state[:2] - m.shift, m.theta_0 - float(state_of(m.state).theta))
+        m.inside[:] = turned(middle - m.state[:2] - m.shift, m.theta_0 - float(state_of(m.state).theta))
 
 
 def put_anew(m: Track) -> None:
@@ -76,7 +78,7 @@ def arm_on_map(m: Track) -> Floats:
     """(3, 2), in pitches, from the origin of the map to where its centre of pressure lies, from there to the point of
     the object that is reported, and from the origin to the centre of the pressure that it shows.
     """
-    return np.stack([turned_by(one, -m.theta_0) for one in (m.arm, m.gauge, m.inside)])
+    return np.stack([turned(one, -m.theta_0) for one in (m.arm, m.gauge, m.inside)])
 
 
 def reported_place(m: Track, state: Floats) -> Floats:
@@ -88,15 +90,9 @@ def reported_place(m: Track, state: Floats) -> Floats:
 def reported_places(m: Track, states: Floats) -> Floats:
     """(n, 2), `reported_place` of states (n, 5): reading fields of a record takes a few microseconds each time."""
     arm = m.arm + m.gauge
-    turned = turned_by(arm, states_of(states).theta - m.theta_0).T
-    places: Floats = states[:, :2] + m.origin + np.where(m.across > 0.0, arm, turned)
+    away = turned(arm, states_of(states).theta - m.theta_0)
+    places: Floats = states[:, :2] + m.origin + np.where(m.across > 0.0, arm, away)
     return places
-
-
-def turned_by(arm: Floats, angle: float | Floats) -> Floats:
-    """(2,), an arm (2,) turned by an angle; (2, n) of n angles, or arms."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.array([cos * arm[0] - sin * arm[1], sin * arm[0] + cos * arm[1]])
 
 
 @lean_kernel
