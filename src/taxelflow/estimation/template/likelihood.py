@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,9 +18,15 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
 
-_ERRORS = 1e-3, 0.5
-"""Least and largest error that is learned, as a share of the largest reading: every known sensor has more noise than
-the first."""
+class _Learned(NamedTuple):
+    """Errors that are learned, as a share of the largest reading."""
+
+    least: float = 1e-3
+    """Every known sensor has more noise."""
+    largest: float = 0.5
+
+
+_LEARNED = _Learned()
 FEWEST = 2
 """Readings per parameter, at least: in the logarithm of its cost, and of a fit whose error they show."""
 
@@ -35,7 +41,7 @@ def learned_error(fit: Fit, scanned: Scanned) -> float:
     def excess(share: float) -> float:
         return float(np.minimum(squared / (variance + (share * level) ** 2), OUTLIER).sum()) - wanted
 
-    low, high = _ERRORS
+    low, high = _LEARNED
     if not len(squared) or excess(low) <= 0:
         return low
     for _ in range(30):  # halvings, to a relative error below 1e-8

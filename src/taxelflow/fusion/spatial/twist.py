@@ -10,11 +10,9 @@ from taxelflow.fusion.misfit import MISFIT
 from taxelflow.fusion.spatial.robust import Verdict, solve_robustly
 from taxelflow.fusion.spatial.solve import Contacts, Solution
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.rounding import LEAST_VARIANCE_M2
 from taxelflow.numerics.se3 import multiply, planar_rows, product_of
 from taxelflow.runtime.compiling import lean_kernel, routine
-
-_LEAST = 1e-18
-"""Added to variances, m^2 or rad^2, so that those of 0 have an inverse."""
 
 
 class Limits(NamedTuple):
@@ -122,18 +120,18 @@ def fill_information(covariance: Floats, known: bool, W: Floats) -> None:
     for a in range(3):
         for b in range(3):
             W[a, b] = 0.0
-    d0 = covariance[0, 0] + _LEAST
+    d0 = covariance[0, 0] + LEAST_VARIANCE_M2
     if not (known and d0 > 0.0):
         return
     l10 = covariance[1, 0] / d0
-    d1 = covariance[1, 1] + _LEAST - l10 * l10 * d0
+    d1 = covariance[1, 1] + LEAST_VARIANCE_M2 - l10 * l10 * d0
     if not d1 > 0.0:
         return
     l20 = l21 = of_last = 0.0
     if covariance[2, 2] > 0.0:
         l20 = covariance[2, 0] / d0
         l21 = (covariance[2, 1] - l20 * l10 * d0) / d1
-        d2 = covariance[2, 2] + _LEAST - l20 * l20 * d0 - l21 * l21 * d1
+        d2 = covariance[2, 2] + LEAST_VARIANCE_M2 - l20 * l20 * d0 - l21 * l21 * d1
         if not d2 > 0.0:
             return
         of_last = 1.0 / d2
