@@ -197,10 +197,10 @@ def test_an_object_that_turns_unseen_is_reported_at_its_centre_of_pressure(
 @pytest.mark.long
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_a_wrong_map_is_not_ok_where_the_load_contradicts_it(mode: api.Mode) -> None:
-    found = row("cloth", "xela", 2, unseen_error=0.05, mode=mode)
-    assert found.wrong is not None
-    assert found.ok > 0 or mode == "stream"
-    assert found.wrong <= 0.05 * found.ok
+    found = [row("cloth", "xela", seed, unseen_error=0.05, mode=mode) for seed in (2, 4)]  # of one, rounding decides
+    ok, wrong = sum(one.ok for one in found), sum(one.wrong or 0 for one in found)
+    assert ok > 0 or mode == "stream"
+    assert wrong <= 0.05 * ok
 
 
 @pytest.mark.long
