@@ -38,7 +38,7 @@ def run(shift_m: float = 0.0, unknown: int = 0) -> Run:
 def test_a_run_is_compared_to_the_bit_here_and_to_a_stated_tolerance_elsewhere(
     method: str, changed: Run, here: int, elsewhere: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    name = f"stroke/{method}/batch"
+    name = f"bar-on-grid/{method}/batch"
     assert compare((machine(), {name: run()}), {name: changed}) == here
     assert ("slips.pose" in capsys.readouterr().out) == bool(here)
     assert compare((ELSEWHERE, {name: run()}), {name: changed}) == elsewhere
