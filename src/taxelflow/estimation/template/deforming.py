@@ -38,8 +38,9 @@ class _Odometry(NamedTuple):
     misfit: float = 3.0
     """Chi-square per reading above which a scan is unresolved."""
     observability: float = 1.5
+    """A rotation is observable if its observability exceeds this in a tenth of the sampled scans."""
     samples: int = 40
-    """A rotation is observable if its observability exceeds this in some of so many scans in which it is computed."""
+    """Number of scans in which the observability is computed, at most."""
     most_std_rad: float = 1.0
     """Standard deviation of the accumulated angle above which it is not reported."""
 
