@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -95,6 +96,9 @@ class Rows(NamedTuple):
     quality: NDArray[np.uint8]
 
 
+_ROWS = attrgetter(*Rows._fields)
+
+
 def hand_of(layout: Layout) -> Hand:
     """A layout as kernels read it."""
     pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
@@ -119,7 +123,7 @@ def places_of(hand: Hand, pad: int) -> Floats:
 
 def rows_of(estimates: Estimates) -> Rows:
     """Estimates as kernels fill them in."""
-    return Rows(*(getattr(estimates, name) for name in Rows._fields))
+    return Rows(*_ROWS(estimates))
 
 
 def room_for(scans: Scans) -> Estimates:
