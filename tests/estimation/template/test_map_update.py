@@ -12,7 +12,7 @@ from taxelflow.estimation.template.map import covering
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import LocalMap
-from taxelflow.estimation.template.online.map_update import _anchor, _tilt, learn
+from taxelflow.estimation.template.online.map_update import _anchor, _tilt, _with_former_gains, learn
 from taxelflow.estimation.template.tilt import without_tilt
 
 
@@ -100,3 +100,11 @@ def test_an_infinite_gain_masks_readings() -> None:
     assert (divided.variance[:, 3] == 0.0).all()
     np.testing.assert_array_equal(divided.readings[:, 4], 0.5 * scanned.readings[:, 4])
     assert divided.ceiling[4] == pytest.approx(0.5 * PEAK)
+
+
+def test_gains_from_a_contact_before_are_not_likelier_for_making_readings_smaller() -> None:
+    scanned, at, _ = sliding(0.0)
+    solved = replace(solve_contact(scanned), gains=np.zeros(0))
+    scattered = 1.0 + 0.002 * np.random.default_rng(0).normal(size=scanned.readings.shape[1])
+    wrong = keyframes_of(scanned, at, 1.02 * scattered)  # cheaper by 62 if densities of divided readings are compared
+    np.testing.assert_array_equal(_with_former_gains(wrong, scanned, solved).gains, 1.0)

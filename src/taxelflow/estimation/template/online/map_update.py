@@ -15,7 +15,7 @@ from taxelflow.estimation.template.extrapolation import extrapolate
 from taxelflow.estimation.template.hidden_motion import shown_at_rest
 from taxelflow.estimation.template.hypotheses import ENOUGH_SCANS, FIRST_GAIN_STD, coarse, refined
 from taxelflow.estimation.template.initialization import SCHEDULE, IncrementalMapper, start_scan
-from taxelflow.estimation.template.likelihood import cost
+from taxelflow.estimation.template.likelihood import cost, touched
 from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE, REFUTED, Scanned
 from taxelflow.estimation.template.online.gauge import align_gauge
@@ -209,7 +209,10 @@ def _with_former_gains(known: LocalMap, scanned: Scanned, best: Solved) -> Solve
         return replace(best, gains=gains)
     divided = scanned.divided(former)
     other = refined(divided, best.copy())
-    return replace(other, gains=former) if cost(other, divided) < cost(best, scanned) else replace(best, gains=gains)
+    lives = np.isfinite(former)
+    readings = np.count_nonzero(touched(divided)[:, lives], axis=0)
+    of_readings = cost(other, divided) + 2.0 * float(readings @ np.log(former[lives]))  # densities of the undivided
+    return replace(other, gains=former) if of_readings < cost(best, scanned) else replace(best, gains=gains)
 
 
 def _again(known: LocalMap, scanned: Scanned, states: Floats) -> Solved:
