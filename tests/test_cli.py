@@ -803,6 +803,7 @@ def test_a_table_whose_reader_has_gone_ends_in_order() -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("closed", [">&-", ">&- 2>&-"])
 def test_the_program_works_as_a_daemon_whose_streams_are_closed(tmp_path: Path, closed: str) -> None:
     words = f'sensors schunk-sdh2 --plot "{tmp_path / "a.svg"}"'

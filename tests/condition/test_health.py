@@ -159,7 +159,7 @@ def test_nothing_is_found_in_real_recordings_until_a_taxel_is_broken(recordings:
 
 
 def test_by_default_a_bad_taxel_is_reported_and_used() -> None:
-    result = estimate(recorded(faulty("offset"), PALM))
+    result = estimate(recorded(faulty("offset"), PALM), method="lnorm")
     assert result.summary.masked_taxels == []
     note = next(note for note in result.summary.notes if "faulty" in note)
     assert f"taxel {BAD} (pad0, row 4, col 4) rests at 1.999e+04 Pa" in note
@@ -167,13 +167,13 @@ def test_by_default_a_bad_taxel_is_reported_and_used() -> None:
 
 
 def test_auto_masks_what_it_finds_and_reports_it() -> None:
-    result = estimate(recorded(faulty("offset"), PALM), condition=Conditioner(mask="auto"))
+    result = estimate(recorded(faulty("offset")[:500], PALM), method="lnorm", condition=Conditioner(mask="auto"))
     assert result.summary.masked_taxels == [BAD]
     assert any(note.startswith(f"masked: taxel {BAD}") for note in result.summary.notes)
     assert not any("faulty" in note for note in result.summary.notes)
 
 
-@both_modes
+@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
 def test_a_taxel_stuck_at_a_load_is_masked_so_that_the_pad_is_tared_and_let_go(mode: Mode) -> None:
     values = faulty("stuck")[:500]
     scans, session = conditioned(values, PALM, mode=mode)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from elastic_skin import PITCH_M, RATE_HZ, SENSOR, on_skin
 from synthetic import assert_same, recorded
 from taxelflow.estimation import rest_hypothesis
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats, Slips
 
 both = pytest.mark.parametrize("mode", ["batch", "stream"])
-methods = pytest.mark.parametrize("method", ["convolution", "registration", "template"])
+mostly_streams = pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "stream"))
 T_S = np.arange(round(5.0 * RATE_HZ)) / RATE_HZ
 FIRST = round(RATE_HZ)
 """Scan of the first contact."""
@@ -46,8 +48,13 @@ def errors(slips: Slips, slid: Floats) -> tuple[Floats, Floats]:
     return error[ok], np.sqrt(np.diagonal(slips.covariance[ok, 0, :2, :2], axis1=1, axis2=2))
 
 
-@both
-@methods
+@pytest.mark.parametrize(
+    ("method", "mode"),
+    [
+        *product(["convolution", "registration"], ["batch", "stream"]),
+        *mostly_long([("template", "batch"), ("template", "stream")], ("template", "stream")),
+    ],
+)
 def test_an_object_that_is_rocked_at_rest_has_no_ok_pose_elsewhere(method: str, mode: Mode) -> None:
     slips = api.estimate(on_skin(AT_REST, ROCKED), method, mode=mode).slips
     error, deviation = errors(slips, AT_REST)
@@ -61,7 +68,7 @@ def test_it_would_have_without_the_hypothesis_of_rest() -> None:
     assert np.mean(np.abs(error) > 3.0 * deviation + 3e-4) > 0.1
 
 
-@both
+@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
 def test_an_object_that_slides_and_stays_is_ok_there(mode: Mode) -> None:
     slips = api.estimate(on_skin(SLID, AT_REST), "template", mode=mode).slips
     error, deviation = errors(slips, SLID)
@@ -76,7 +83,7 @@ def test_a_batch_knows_that_a_slide_was_one_from_its_beginning() -> None:
     assert batch.covariance[begins, 0, 0, 0].max() < (0.25 * PITCH_M) ** 2
 
 
-@both
+@mostly_streams
 def test_results_do_not_depend_on_blocks(mode: Mode) -> None:
     whole = on_skin(SLID, ROCKED)
     values = np.concatenate([scans.values for scans in whole.blocks()])
@@ -115,7 +122,7 @@ def test_the_pads_of_a_hand_are_compared_in_scans_of_their_own(monkeypatch: pyte
     assert max(compared) == 1
 
 
-@both
+@mostly_streams
 def test_results_of_a_hand_do_not_depend_on_blocks(mode: Mode) -> None:
     assert_same(*(api.estimate(held(block), "registration", mode=mode).slips for block in (7, 50)))
 
@@ -143,6 +150,7 @@ PULLED = 0.12 * np.clip(T_S - 1.2, 0.0, 1.0)
 """From 1.2 to 2.2 s, and on: before the slide."""
 
 
+@pytest.mark.long
 def test_what_a_pull_has_shifted_stays_in_the_covariance_of_a_slide() -> None:
     slips = api.estimate(on_skin(SLID, PULLED), "template", mode="batch").slips
     pulls, slides = slice(FIRST + 90, FIRST + 145), slice(FIRST + 150, FIRST + 245)

@@ -125,6 +125,7 @@ def test_a_column_of_taxels_shows_no_turn() -> None:
     assert np.isnan(result.slips.pose[:, own, 2]).all()
 
 
+@pytest.mark.long
 def test_a_round_object_has_no_angle() -> None:
     recording = simulate(rigged("stroke", motion={"strokes": 1}))
     _, pose, _ = path(recording, api.estimate(recording, "template"))
@@ -370,7 +371,7 @@ def test_a_pad_that_is_saturated_everywhere_has_no_certain_pose(mode: str) -> No
     assert (np.einsum("ka,kab,kb->k", moved, np.linalg.inv(noise), moved) < 1.0).all()
 
 
-@pytest.mark.parametrize("window", [1000, 20])
+@pytest.mark.parametrize("window", mostly_long([1000, 20], 1000))
 def test_a_pad_that_is_read_every_other_time_moves_as_it_is_read(window: int) -> None:
     poses = way(60)
     values, t_s = feet_at(poses), 0.02 * np.arange(60)

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from costly import mostly_long
 from taxelflow.acquire.base import Recording
 from taxelflow.estimation.template.centre_of_pressure import Centres
 from taxelflow.estimation.template.observations import Scanned
@@ -243,7 +244,7 @@ def leaving_disc(seed: int) -> tuple[Recording, Floats]:
     return Recording.of_arrays(t_s, pressure + 0.25 * random.standard_normal(pressure.shape), sensor), x
 
 
-@pytest.mark.parametrize("mode", ["batch", "stream"])
+@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
 def test_an_object_that_leaves_the_pad_is_where_its_map_has_it(mode: api.Mode) -> None:
     recording, x = leaving_disc(2)
     slips = api.estimate(recording, "template", mode=mode).slips

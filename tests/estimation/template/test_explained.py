@@ -130,6 +130,7 @@ def test_a_known_pattern_is_not_recognised_where_it_explains_nothing() -> None:
     assert relocalise(known, np.zeros(2), far) is None
 
 
+@pytest.mark.long
 def test_a_pattern_that_explains_nothing_is_given_up_after_two_scans() -> None:
     """Another object comes, all points, at the other end of the pad."""
     sensor = grid_sensor(8, 16, pitch_m=(0.005, 0.005))

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from synthetic import grid_sensor, recorded
 from taxelflow.estimation.base import Mode
 from taxelflow.messages import OK, Floats
@@ -16,6 +17,9 @@ RATE_HZ, PITCH_M, REST = 25.0, 0.003, 20
 PATH_M = np.concatenate([np.zeros(20), np.linspace(0.0, 0.008, 40), np.full(20, 0.008)])
 ANGLE = 0.6
 """Of a rod, in rad."""
+ways = pytest.mark.parametrize(
+    "way", mostly_long([ANGLE, ANGLE + 1.2, None], ANGLE), ids=["along", "obliquely", "rests"]
+)
 
 
 def pressed(shape: str, x_m: Floats, y_m: Floats) -> Floats:
@@ -64,36 +68,38 @@ def ok_share(shape: str, way: float | None, mode: Mode, scatter: float = 0.03, t
 
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 @pytest.mark.parametrize("shape", ["rod", "smooth plate"])
-@pytest.mark.parametrize("way", [ANGLE, ANGLE + 1.2, None], ids=["along", "obliquely", "rests"])
+@ways
 def test_a_motion_that_no_reading_shows_is_never_ok(shape: str, way: float | None, mode: Mode) -> None:
     assert ok_share(shape, way, mode) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("mode", ["batch", "stream"])
-@pytest.mark.parametrize("way", [ANGLE, ANGLE + 1.2, None], ids=["along", "obliquely", "rests"])
+@ways
 def test_gains_that_scatter_by_twice_the_declared_error_do_not_show_it(way: float | None, mode: Mode) -> None:
     assert ok_share("smooth plate", way, mode, 0.1) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("taxels", [12, pytest.param(24, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("taxels", [12, 24])
 @pytest.mark.parametrize("way", [ANGLE, ANGLE + 1.2], ids=["along", "obliquely"])
 def test_such_gains_are_not_the_texture_of_a_plate_on_larger_pads(way: float, taxels: int) -> None:
     assert ok_share("faint plate", way, "batch", 0.1, taxels) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("way", [ANGLE, ANGLE + 1.2], ids=["along", "obliquely"])
+@pytest.mark.parametrize("way", mostly_long([ANGLE, ANGLE + 1.2], ANGLE + 1.2), ids=["along", "obliquely"])
 def test_of_a_dome_wider_than_the_pad_such_gains_do_not_show_how_far_it_moved(way: float) -> None:
     assert ok_share("wide dome", way, "batch", 0.1)[1] == 0.0
 
 
-@pytest.mark.parametrize("mode", ["batch", "stream"])
-@pytest.mark.parametrize("way", [ANGLE, ANGLE + 1.2], ids=["along", "obliquely"])
+@pytest.mark.parametrize("mode", mostly_long(["batch", "stream"], "batch"))
+@pytest.mark.parametrize("way", mostly_long([ANGLE, ANGLE + 1.2], ANGLE), ids=["along", "obliquely"])
 def test_an_end_shows_the_motion_of_a_rod(way: float, mode: Mode) -> None:
     ok, wrong = ok_share("short rod", way, mode)
     assert ok > 0.6
     assert wrong == 0.0
 
 
+@pytest.mark.long
 def test_texture_shows_the_motion_of_a_plate_that_covers_the_pad() -> None:
     ok, wrong = ok_share("textured plate", ANGLE, "batch")
     assert ok > 0.5

@@ -59,6 +59,7 @@ def test_a_stroke_without_its_saturated_readings_is_not_held_at_the_coarse_error
     assert speeds == pytest.approx([-50.0, 50.0], rel=0.005)  # 4 % are lost where 5 % of the largest reading are left
 
 
+@pytest.mark.long
 def test_a_round_object_that_the_border_cuts_does_not_turn() -> None:
     recording = simulate(SCENARIOS["stroke"])
     slips = api.estimate(recording, "template").slips

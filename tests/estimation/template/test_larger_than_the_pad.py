@@ -40,7 +40,8 @@ def slid(unseen_error: float) -> tuple[Result, Floats, Floats]:
     return result, error - np.median(error[:30]), np.diff(true, prepend=true[0]) > 0
 
 
-@pytest.mark.parametrize("unseen_error", [0.0, pytest.param(0.05, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("unseen_error", [0.0, 0.05])
 def test_a_stream_follows_it_over_the_length_of_the_pad(unseen_error: float) -> None:
     result, error, _ = slid(unseen_error)
     assert abs(error[-1]) < 3e-4

@@ -114,6 +114,7 @@ def test_a_contact_that_is_deformed_is_expected_to_stay_so() -> None:
     assert np.std(expected - readings[-1]) < 0.2 * np.std(values() - readings[-1])
 
 
+@pytest.mark.long
 def test_of_a_still_object_the_patterns_own_error_stays_too() -> None:
     moving, still = (carried(noisy(1), still=still)[0] for still in (False, True))
     assert (moving[2] == 0.0).all()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
-from itertools import islice
+from itertools import islice, product
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -48,8 +48,11 @@ TABLE = [
 ]
 
 
-@pytest.mark.parametrize("sensor", [PALM, COUNTS], ids=["lines", "frames"])
-@pytest.mark.parametrize("row", [*TABLE[:2], *mostly_long([(row,) for row in TABLE[2:]])], ids=lambda row: row[0].name)
+@pytest.mark.parametrize(
+    ("row", "sensor"),
+    mostly_long(product(TABLE, [PALM, COUNTS]), (TABLE[0], PALM), (TABLE[1], COUNTS)),
+    ids=lambda given: given.name if given in (PALM, COUNTS) else given[0].name,
+)
 def test_a_fault_is_reported_and_all_else_arrives(
     tmp_path: Path, sensor: Sensor, row: tuple[Fault, str | None, str | None], caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -53,6 +53,7 @@ def test_a_stream_is_read_with_its_stamps_and_results_go_out_as_another(tmp_path
     assert [event["event"] for event in events] == [one["event"] for line in lines for one in line["events"]]
 
 
+@pytest.mark.long
 def test_what_was_sent_last_arrives_although_the_sender_closes_at_once() -> None:
     """Outlets send by threads of their own: of 50 rows that were followed by the end, 0 to 13 arrived."""
     scans = 50

@@ -9,12 +9,14 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
+from costly import mostly_long
 from streaming import PALM, connected, free_port, lines, published, running, slid
 from taxelflow import load_sensor
 from taxelflow.acquire.devices.base import Faults
@@ -154,8 +156,9 @@ def test_a_disk_that_is_full_from_the_start_does_not_hold_up_the_run(
         sink.close(Ending(None, (), failed=True))
 
 
-@pytest.mark.parametrize("scheme", ["mcap", "tables", "jsonl"])
-@pytest.mark.parametrize("room", [0, 30_000])
+@pytest.mark.parametrize(
+    ("room", "scheme"), mostly_long(product([0, 30_000], ["mcap", "tables", "jsonl"]), (0, "tables"), (30_000, "mcap"))
+)
 def test_scans_for_which_a_file_has_no_room_are_dropped_and_not_published(
     scheme: str, room: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
