@@ -15,11 +15,12 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 NOISE = 1e-3
+SKIN = Skin.of(PLACES)
 
 
 def left(after: Floats, moved: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
     """Shares of a pattern that rest and a slide leave, beside the one at the origin."""
-    found = compare(Skin.of(PLACES), pressed(), after, NOISE, np.array([*moved, 0.0]), sinks=False)
+    found = compare(SKIN, pressed(), after, NOISE, np.array([*moved, 0.0]))
     norm = float(np.linalg.norm(after))
     return np.sqrt(found.rest) / norm, np.sqrt(found.slide) / norm
 
@@ -32,13 +33,13 @@ def test_an_object_that_sinks_and_tilts_is_explained_at_rest(change: dict[str, f
 
 
 def test_an_object_that_sinks_goes_nowhere() -> None:
-    found = compare(Skin.of(PLACES), pressed(), pressed(depth=0.8), NOISE, np.array([0.3, 0.0, 0.0]), sinks=True)
+    found = compare(SKIN, pressed(), pressed(depth=0.8), NOISE, np.array([0.3, 0.0, 0.0]), sinks=True)
     assert np.hypot(found.x, found.y) < 0.1
     assert not found.moves(np.array([0.3, 0.0]))
 
 
 def test_an_object_that_slides_moves() -> None:
-    found = compare(Skin.of(PLACES), pressed(), pressed(x=0.7), NOISE, np.array([0.7, 0.0, 0.0]), sinks=True)
+    found = compare(SKIN, pressed(), pressed(x=0.7), NOISE, np.array([0.7, 0.0, 0.0]), sinks=True)
     assert found.moves(np.array([0.7, 0.0]))
     assert not found.moves(np.array([-0.7, 0.0]))
 
@@ -64,24 +65,24 @@ def test_a_turn_is_a_slide() -> None:
 
 
 def test_scale_changes_nothing() -> None:
-    skin, after = Skin.of(PLACES), pressed(x=0.5)
-    one = compare(skin, pressed(), after, NOISE, np.zeros(3), sinks=False)
-    more = compare(skin, 1e4 * pressed(), 1e4 * after, 1e4 * NOISE, np.zeros(3), sinks=False)
-    assert np.allclose(more[:3], 1e8 * np.array(one[:3]), rtol=1e-6)
+    after, scale = pressed(x=0.5), 2.0**13  # which rounds nothing
+    one = compare(SKIN, pressed(), after, NOISE, np.zeros(3))
+    more = compare(SKIN, scale * pressed(), scale * after, scale * NOISE, np.zeros(3))
+    assert np.allclose(more[:3], scale**2 * np.array(one[:3]), rtol=1e-9)
     assert np.allclose(more[3:], one[3:], atol=1e-9)
 
 
 def test_taxels_on_a_line_know_a_slide_along_it() -> None:
     line = np.column_stack([np.arange(10.0), np.zeros(10)])
     before, after = (np.maximum(3.0 - np.abs(line[:, 0] - middle), 0.0) ** 0.5 for middle in (4.0, 4.8))
-    found = compare(Skin.of(line), before, after, NOISE, np.array([0.8, 0.0, 0.0]), sinks=False)
+    found = compare(Skin.of(line), before, after, NOISE, np.array([0.8, 0.0, 0.0]))
     assert np.isfinite(found).all()
     assert np.sqrt(found.slide) < 0.1 * np.linalg.norm(after)
 
 
 def test_without_load_nothing_is_left() -> None:
     none = np.zeros(len(PLACES))
-    assert compare(Skin.of(PLACES), none, none, NOISE, np.zeros(3), sinks=False)[:3] == (0.0,) * 3
+    assert compare(SKIN, none, none, NOISE, np.zeros(3))[:3] == (0.0,) * 3
 
 
 def test_patterns_are_comparable_where_half_of_the_load_is_on_the_same_taxels() -> None:
@@ -91,5 +92,25 @@ def test_patterns_are_comparable_where_half_of_the_load_is_on_the_same_taxels() 
 
 
 def test_a_slide_that_knows_little_of_the_pattern_explains_nothing() -> None:
-    found = compare(Skin.of(PLACES), pressed(), pressed(), NOISE, np.array([30.0, 0.0, 0.0]), sinks=True)
+    found = compare(SKIN, pressed(), pressed(), NOISE, np.array([30.0, 0.0, 0.0]), sinks=True)
     assert np.hypot(found.x, found.y) < 0.1
+
+
+def smooth(x: float) -> Floats:
+    return np.asarray(np.exp(-((PLACES[:, 0] - x) ** 2 + PLACES[:, 1] ** 2) / (2 * 2.5**2)))
+
+
+def test_errors_of_the_gains_do_not_show_that_a_smooth_object_rests() -> None:
+    gains = 1.0 + 0.05 * np.random.default_rng(0).standard_normal(len(PLACES))
+    patterns = gains * smooth(0.0), gains * smooth(0.4)
+    exact, scattered = (compare(SKIN, *patterns, NOISE, np.zeros(3), gain_error=error) for error in (0.0, 0.05))
+    assert exact.rests()
+    assert not scattered.rests()
+    assert scattered.log_ratio() == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("change", [{"x": 0.7}, {"depth": 0.8, "tilt": (0.05, 0.02)}, {"x": 0.3, "tilt": (0.04, 0.0)}])
+def test_errors_of_the_gains_show_no_slide(change: dict[str, float]) -> None:
+    after = pressed(**change)  # type: ignore[arg-type]
+    exact, scattered = (compare(SKIN, pressed(), after, NOISE, np.zeros(3), gain_error=error) for error in (0.0, 0.05))
+    assert min(exact.log_ratio(), 0.0) - 1e-9 <= scattered.log_ratio() <= exact.log_ratio() + 1e-9

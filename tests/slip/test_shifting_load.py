@@ -140,3 +140,16 @@ def test_shear_that_shows_a_slip_is_enough_where_rest_explains_the_pattern(mode:
     sheared = api.recording(raw.t_s, raw.values, SENSOR, shear=shear)
     assert not starts(slips(rocked, mode))
     assert starts(slips(sheared, mode))
+
+
+@both
+def test_a_smooth_object_that_slides_over_taxels_of_other_gains_slips(mode: Mode) -> None:
+    slid = 2.5 * np.clip(T_S - 3.0, 0.0, 1.0)
+    gains = 1.0 + 0.05 * np.random.default_rng(3).standard_normal(len(PLACES))
+    off = np.hypot(PLACES[:, 0] + 1.2 - slid[:, np.newaxis], PLACES[:, 1])
+    touched = 2e4 * gains * np.exp(-((off / 2.5) ** 2) / 2)
+    values = np.concatenate([np.zeros((round(RATE_HZ), len(PLACES))), touched])
+    values += np.random.default_rng(0).normal(0.0, 100.0, values.shape)
+    found = starts(slips(recorded(values, SENSOR, np.arange(len(values)) / RATE_HZ), mode))
+    assert found
+    assert abs(found[0].onset_s - ONSET_S) < 0.3

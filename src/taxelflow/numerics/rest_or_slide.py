@@ -8,6 +8,8 @@ only sink and tilt, which adds a plane to the pressure. Softer skins change in p
 
 q is the pattern before, y the one after, r the place of a taxel. Where q is 0, the object may come down by any part of
 what the plane has there: new contact up to it is no contradiction. A slide knows only what was over the pad before.
+
+Errors of the taxels' gains stay with the taxels. At rest they cancel; a slide takes those in q along.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ class Unexplained(NamedTuple):
     """Squares that are left of a pattern: if its object slides; if it rests, on the taxels that were over the pad
     before, and on all of them. x, y: where the slide goes, in pitches. free_slide, free_rest: degrees of freedom of the
     slide, and of rest on all taxels, which fits those in contact. known: share of the taxels that were over the pad.
+    gain_errors: squares that errors of the gains leave of a slide.
     """
 
     slide: float
@@ -42,6 +45,7 @@ class Unexplained(NamedTuple):
     free_slide: float = 1.0
     free_rest: float = 1.0
     known: float = 1.0
+    gain_errors: float = 0.0
 
     def moves(self, way: Floats) -> bool:
         """Whether a slide leaves no more than rest a degree of freedom, and goes at least half of a way (2,), pitches.
@@ -52,24 +56,43 @@ class Unexplained(NamedTuple):
         return bool(goes and self.slide / self.free_slide <= self.rest_of_all / self.free_rest)
 
     def log_ratio(self) -> float:
-        """Logarithm of what a slide leaves over what rest leaves, roots of squares a degree of freedom; NaN where rest
-        fits all readings.
+        """Logarithm of what a slide leaves, beyond errors of the gains, over what rest leaves, roots of squares a
+        degree of freedom; NaN where rest fits all readings.
         """
         if self.free_rest < 1.0 or self.slide == 0.0 or self.rest_of_all == 0.0:
             return np.nan
-        return 0.5 * float(np.log(self.slide / self.free_slide * self.free_rest / self.rest_of_all))
+        return 0.5 * float(np.log(self._beyond_gains() * self.free_rest / self.rest_of_all))
 
     def rests(self) -> bool:
-        """Whether rest leaves clearly less than a slide a degree of freedom; never where it fits all readings."""
-        left = self.rest_of_all / self.free_rest
-        return self.free_rest >= 1.0 and CLEARLY**2 * left <= self.slide / self.free_slide
+        """Whether rest leaves clearly less than a slide a degree of freedom, beyond errors of the gains; never where it
+        fits all readings.
+        """
+        return self.free_rest >= 1.0 and CLEARLY**2 * self.rest_of_all / self.free_rest <= self._beyond_gains()
+
+    def _beyond_gains(self) -> float:
+        """Squares a degree of freedom that a slide leaves beyond errors of the gains.
+
+        These doubt that the object rests; they do not show that it slides, so no less than rest leaves.
+        """
+        slide, rest = self.slide / self.free_slide, self.rest_of_all / self.free_rest
+        return max(slide - self.gain_errors / self.free_slide, min(slide, rest))
 
 
-def compare(skin: Skin, before: Floats, after: Floats, noise: float, moved: Floats, *, sinks: bool) -> Unexplained:
+def compare(
+    skin: Skin,
+    before: Floats,
+    after: Floats,
+    noise: float,
+    moved: Floats,
+    *,
+    sinks: bool = False,
+    gain_error: float = 0.0,
+) -> Unexplained:
     """What rest and a slide leave of a pattern (taxels,).
 
     before: (taxels,), the pattern at its place. noise: standard deviation of their difference. moved: (3,), in
     pitches and rad, where the fit of the slide begins, beside the place before. sinks: whether a slide may sink.
+    gain_error: standard deviation of the taxels' gains, relative.
     """
     largest = max(float(before.max()), float(after.max()))
     least = max(LOADED.skirt * largest, SIGNIFICANT * noise)
@@ -79,7 +102,9 @@ def compare(skin: Skin, before: Floats, after: Floats, noise: float, moved: Floa
     if len(loaded) > _MOST_TAXELS:
         loaded = loaded[np.linspace(0, len(loaded) - 1, _MOST_TAXELS).round().astype(np.int64)]
     pair = Pair(skin.fit @ before, np.zeros(2), after, loaded, least, sinks)
-    return Unexplained(*_compare(skin, pair, before, moved))
+    left = Unexplained(*_compare(skin, pair, before, moved))
+    errors = gain_error**2 * float((before[loaded] ** 2 + after[loaded] ** 2).sum())
+    return left._replace(gain_errors=errors * left.known)
 
 
 @kernel

@@ -34,7 +34,6 @@ from taxelflow.slip.shear_change import ShearNoise, spread
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Scans
-    from taxelflow.numerics.slid import Skin
     from taxelflow.sensors.layout import Layout
 
 
@@ -163,7 +162,7 @@ class PatternWatch:
             scatter = noise * np.sqrt(1.0 / old_scans + 1.0 / new_scans)
             for pad in np.flatnonzero(looks_like_slip(*found[:3])).tolist():
                 own = self._layout.of_pad(pad)
-                found[4, pad] = _tilt(skin_of(self._layout, pad), old[own], new[own], scatter[own])
+                found[4, pad] = _tilt(self._layout, pad, old[own], new[own], scatter[own])
         for number, between in enumerate(self._longer):
             if len(self._bins) >= BINS.before + between + self._after:
                 first = _OWN + 3 * number
@@ -219,15 +218,16 @@ class PatternWatch:
         found[5:_OWN] = np.where(np.isfinite(found[0] + power), (power, noise), np.nan)
 
 
-def _tilt(skin: Skin, old: Floats, new: Floats, scatter: Floats) -> float:
+def _tilt(layout: Layout, pad: int, old: Floats, new: Floats, scatter: Floats) -> float:
     """See `PatternChanges`: of a pad's patterns (taxels,), whose difference has these standard deviations (taxels,)."""
+    skin = skin_of(layout, pad)
     if covers(old, new) or not comparable(old, new):
         return np.nan
     way = np.zeros(3)
     for pattern, sign in ((new, 1.0), (old, -1.0)):
         load = np.maximum(pattern, 0.0)
         way[:2] += sign / load.sum() * (load @ skin.places)
-    return tilt_over_slide(compare(skin, old, new, float(np.median(scatter)), way, sinks=False))
+    return tilt_over_slide(compare(skin, old, new, float(np.median(scatter)), way, gain_error=layout.unseen_error))
 
 
 def _mean(bins: list[Bin]) -> tuple[Floats, int]:

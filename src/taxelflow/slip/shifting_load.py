@@ -215,7 +215,7 @@ class ShiftingLoad:
         moved = (now.path_m - before.path_m) / self._pitch_m[pad]
         one = float(np.median(noise[self._layout.of_pad(pad)]) * np.sqrt(1.0 / before.scans + 1.0 / now.scans))
         skin, way = skin_of(self._layout, pad), np.array([*moved, 0.0])
-        left = compare(skin, before.pressure, now.pressure, one, way, sinks=False)
+        left = compare(skin, before.pressure, now.pressure, one, way, gain_error=self._layout.unseen_error)
         first = claim.still and not claim.compared
         odd = covers(before.pressure, now.pressure) and _is_odd(before, now, left.rest, one)
         claim.shown, claim.rests = left.rest > CLEARLY**2 * left.slide, left.rests()
