@@ -8,19 +8,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from compiled import compiled
 from estimation.template.test_map_update import keyframes_of
 from estimation.template.test_taxel_gains import sliding
 from synthetic import grid_sensor
 from taxelflow.estimation.template.centre_of_pressure import Anchor
 from taxelflow.estimation.template.online import map_update
-from taxelflow.estimation.template.online.hand import Scan
+from taxelflow.estimation.template.online.hand import Scan, hand_of, room_for, rows_of
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.map_update import learn
 from taxelflow.estimation.template.online.mapping_thread import Workers
-from taxelflow.estimation.template.online.output import _add_step
-from taxelflow.estimation.template.online.track_state import Track
+from taxelflow.estimation.template.online.output import _add_step, report
+from taxelflow.estimation.template.online.track_state import FAINT, NOTHING, NOVEL, Track
 from taxelflow.estimation.template.online.witness import put_on_average, reported_place
 from taxelflow.estimation.template.warmup import compile_stream
+from taxelflow.messages import no_scans
 from taxelflow.numerics.records import record, records
 
 if TYPE_CHECKING:
@@ -101,3 +103,15 @@ def test_a_map_in_another_frame_moves_no_point_and_its_steps_count_up_to_one_loa
     assert new.anchor is not None
     assert m.broken == new.anchor.variance
     assert m.wander <= new.anchor.variance
+
+
+@pytest.mark.parametrize(("probation", "flag"), [(0.0, NOVEL), (1.0, NOTHING)])
+def test_a_faint_map_learns_from_a_loud_scan_only_where_it_surely_is(probation: float, flag: int) -> None:
+    layout = grid_sensor(8, 8).layout
+    m = track()
+    m.keyframes, m.probation, m.usual, m.count, m.radius = 10, probation, 1.0, 20.0, 1.0
+    m.state[3] = 2.0 * FAINT
+    m.doubted[:] = m.step[:] = 1e4 * np.eye(5)
+    rows = rows_of(room_for(no_scans(layout.entries, 1, 1)))
+    compiled(report)(0.0, 0, 0, 0.003, 0.05, m, hand_of(layout).room, rows)
+    assert m.flag == flag

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from rigged import rigged
+from taxelflow.estimation.template.batch_session import on_one_map
 from taxelflow.estimation.template.observations import Scanned
-from taxelflow.estimation.template.scaling import may_have_grown
+from taxelflow.estimation.template.scaling import grown_starts, may_have_grown
+from taxelflow.estimation.template.solution import Solved
 from taxelflow.messages import OK
 from taxelflow.pipeline import api
 from taxelflow.simulation.simulate import simulate
@@ -104,12 +106,12 @@ def excursion(result: Result, pad: str) -> tuple[Floats, Floats]:
     return np.hypot(*away.T), (np.abs(away) / deviation).max(axis=1)
 
 
-def scanned(load: Floats) -> Scanned:
-    """Scans of a spot of 3x3 taxels under a load (scans,)."""
-    x, y = np.meshgrid(np.arange(8.0), np.arange(8.0))
-    places = np.stack([x.ravel(), y.ravel()])
-    spot = np.exp(-0.5 * ((places[0] - 4) ** 2 + (places[1] - 4) ** 2))
-    readings = load[:, np.newaxis] * spot
+def scanned(load: Floats, x: float = 4.0, size: Floats | float = 1.0) -> Scanned:
+    """Scans of a spot at x, of a size (scans,) in taxels, under a load (scans,)."""
+    places = np.stack([one.ravel() for one in np.meshgrid(np.arange(8.0), np.arange(8.0))])
+    square = (places[0] - x) ** 2 + (places[1] - 4) ** 2
+    size = np.broadcast_to(size, load.shape)
+    readings = load[:, np.newaxis] * np.exp(-0.5 * square / size[:, np.newaxis] ** 2)
     noise = np.full_like(readings, 1e-4)
     return Scanned.of(0.01 * np.arange(len(load)), places, readings, noise, np.full(64, np.inf), np.zeros(64))
 
@@ -124,3 +126,14 @@ def test_growth_is_possible_where_the_load_varies_and_the_place_goes_with_it_or_
     assert may_have_grown(scanned(load), states)
     states[:, 0] = np.linspace(0.0, 8.0, 50)
     assert not may_have_grown(scanned(load), states)
+
+
+def test_the_place_of_a_contact_that_grows_is_as_uncertain_as_its_size() -> None:
+    load = 1.0 + 4.0 * np.sin(np.linspace(0.0, np.pi, 30)) ** 2
+    scans = scanned(load, x=7.5, size=load ** (1 / 3))  # the border cuts it: a larger spot looks like a nearer one
+    states = np.tile([7.5, 4.0, 0.0, 1.0, 0.0], (30, 1))
+    grown = Solved(*grown_starts(scans, states, 0)[0], 0.01, 1.0, turns=False, grows=True)
+    free, held = (
+        on_one_map(one, scans, 1.0, 0.05, whole_contact=True).covariance for one in (grown, replace(grown, grows=False))
+    )
+    assert np.median(free[:, 0, 0] / held[:, 0, 0]) > 1.2

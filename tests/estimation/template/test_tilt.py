@@ -38,7 +38,7 @@ FEET = ((-3.0, -3.0, 1.0), (3.0, -3.0, 0.9), (-3.0, 3.0, 0.8), (3.0, 3.0, 1.0))
 
 def test_a_round_contact_is_known_less_well_the_more_its_load_may_tilt() -> None:
     level, some, more = (stds(DOME, 4.0, tilt_std) for tilt_std in (0.0, 0.05, 0.1))
-    assert (some > 1.5 * level).all()
+    assert (some > 4.0 * level).all()  # by a tilt in proportion to the pressure alone, 2.1 times
     assert (more > some).all()
 
 

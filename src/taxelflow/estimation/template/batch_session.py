@@ -13,7 +13,8 @@ from taxelflow.estimation.template.centre_of_pressure import witnessed
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.dead_taxels import working
 from taxelflow.estimation.template.deforming import ODOMETRY, Moment, follow_changing
-from taxelflow.estimation.template.depth import DEPTH_STD, as_pressure, with_depth
+from taxelflow.estimation.template.depth import as_pressure, with_depth
+from taxelflow.estimation.template.hypotheses import state_precision
 from taxelflow.estimation.template.map_doubt import of_map
 from taxelflow.estimation.template.map_export import Maps, as_map
 from taxelflow.estimation.template.observations import REFUTED, Scanned, delays_of
@@ -69,15 +70,13 @@ class _Done:
     present: Bools
 
 
-def _on_one_map(solved: Solved, scanned: Scanned, pitch_m: float, unseen_error: float, *, whole_contact: bool) -> Poses:
+def on_one_map(solved: Solved, scanned: Scanned, pitch_m: float, unseen_error: float, *, whole_contact: bool) -> Poses:
     """Poses of a contact that one map explains, doubted by its map's error and by rivals of its hypothesis.
 
     Unseen errors of the sensor outweigh that of the map. Without them the likelihood has decided whether the object
     turns.
     """
-    precision = scanned.precision(
-        turns=solved.turns, gain_std=solved.gain_std, size=DEPTH_STD**-2 if solved.sinks else np.inf
-    )
+    precision = state_precision(solved, scanned)
     whole, level = with_depth(solved.states, solved.depth), scanned.amplitude if solved.heights else 0.0
 
     def information(error: float) -> Floats:
@@ -212,7 +211,7 @@ class BatchSession:
         of_one_map = solved.error <= REFUTED or len(scanned) <= ODOMETRY.memory
         if of_one_map:
             whole_contact = pad < layout.pad_count or layout.contact_of[pad] >= 0  # load leaves a part of one
-            poses = _on_one_map(solved, scanned, pitch_m, unseen_error, whole_contact=whole_contact)
+            poses = on_one_map(solved, scanned, pitch_m, unseen_error, whole_contact=whole_contact)
             shown = as_pressure(solved.pattern) if solved.heights else solved.pattern
             moment = Moment(shown, scanned, solved.states, np.arange(len(scanned)), solved.turns)
         else:

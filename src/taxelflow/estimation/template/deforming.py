@@ -19,6 +19,7 @@ from taxelflow.estimation.template.observations import COARSE, LARGEST
 from taxelflow.estimation.template.pose_output import Poses, to_pad
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED
 from taxelflow.numerics.bspline import STATE
+from taxelflow.numerics.rounding import LINEAR_RAD
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,8 +42,6 @@ class _Odometry(NamedTuple):
     """A rotation is observable if its observability exceeds this in a tenth of the sampled scans."""
     samples: int = 40
     """Number of scans in which the observability is computed, at most."""
-    most_std_rad: float = 1.0
-    """Standard deviation of the accumulated angle above which it is not reported."""
 
 
 ODOMETRY = _Odometry()
@@ -75,7 +74,7 @@ def follow_changing(scanned: Scanned, pitch_m: float, *, turns: bool) -> tuple[P
     seen = max(ahead[3], back[3])
     turns = turns or seen > ODOMETRY.observability
     pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=turns)
-    if turns and np.median(noise[:, 2, 2]) > ODOMETRY.most_std_rad**2:
+    if turns and np.median(noise[:, 2, 2]) > LINEAR_RAD**2:
         turns = False
         pose, noise = _added_up(states, steps, misfit, start, pitch_m, turns=False)
     quality = np.where(misfit > ODOMETRY.misfit, UNRESOLVED, AMBIGUOUS).astype(np.uint8)

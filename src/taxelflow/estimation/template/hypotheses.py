@@ -252,12 +252,17 @@ def _by_its_error(scanned: Scanned, solved: Solved) -> Solved:
 
 def _fit(scanned: Scanned, start: Solved, *, rounds: int, error: float) -> Fit:
     """`refine` under the hypothesis of a start, which it improves in place."""
-    size = SIZE_STD**-2 if start.grows else DEPTH_STD**-2 if start.sinks else np.inf
-    precision = scanned.precision(turns=start.turns, gain_std=start.gain_std, size=size)
+    precision = state_precision(start, scanned)
     largest, whole = scanned.amplitude if start.heights else 0.0, with_depth(start.states, start.depth)
     fit = refine(start.pattern, scanned, whole, rounds=rounds, error=error, precision=precision, level=largest)
     take_depth(whole, start.states, start.depth)
     return fit
+
+
+def state_precision(solved: Solved, scanned: Scanned) -> Floats:
+    """(5,), see `Scanned.precision`: the size is free of a contact that grows, or whose heights sink in."""
+    size = SIZE_STD**-2 if solved.grows else DEPTH_STD**-2 if solved.sinks else np.inf
+    return scanned.precision(turns=solved.turns, gain_std=solved.gain_std, size=size)
 
 
 def _refined(scanned: Scanned, start: Solved, *, most_error: float) -> Solved:

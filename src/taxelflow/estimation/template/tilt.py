@@ -1,13 +1,14 @@
 """Tilt of the load in the covariance of a pose: pressure that shifts on the object looks like motion of the object.
 
-The line of action of a load shifts over the contact when the arm moves, friction pulls or the skin creeps. To first
-order the pressure then changes in proportion to itself and to the position in the contact,
+The line of action of a load shifts over the contact when the arm moves, friction pulls or the skin creeps. A rigid
+object then sinks in by a plane, as in `rest_or_slide`: on an elastic skin the pressure changes by a plane, too, on a
+softer one in proportion to itself,
 
-    y = g q(u) (1 + a (x - x_c) / r_x + b (y - y_c) / r_y),
+    y = g (q(u) (1 + a . l) + m (b . l)),    l = ((x - x_c) / r_x, (y - y_c) / r_y),
 
-with the contact's centre (x_c, y_c) and radii of gyration (r_x, r_y). For a paraboloid, tilt and shift cannot be
-separated; for a pattern with edges they can. a and b are unknowns of each scan with a zero-mean prior, and are
-eliminated (Schur complement), so that the covariance of the pose contains their effect.
+with the contact's centre (x_c, y_c), radii of gyration (r_x, r_y) and mean pressure m. For a paraboloid, tilt and shift
+cannot be separated; for a pattern with edges they can. a and b are unknowns of each scan with a zero-mean prior, and
+are eliminated (Schur complement), so that the covariance of the pose contains their effect.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.numerics.bspline import state_of
+from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.rounding import LINE_POINTS
 
 if TYPE_CHECKING:
@@ -38,13 +40,13 @@ def without_tilt(
 ) -> Floats:
     """Information (scans, 5, 5) of the states with the tilt of each scan eliminated.
 
-    error: see `Scanned.with_error`. tilt_std: standard deviation of a and b; with 0 nothing changes.
+    error: see `Scanned.with_error`. tilt_std: standard deviation of each a and b; with 0 nothing changes.
     """
     if tilt_std <= 0.0:
         return information
     readings = scanned.with_error(error)
     own = information.copy()
-    prior = np.eye(2) / tilt_std**2
+    prior = np.eye(4) / tilt_std**2
     for k, state in enumerate(states):
         values = pattern.read(scanned.places, state, scanned.bends[k])
         q = np.nan_to_num(values[:, 0])
@@ -53,7 +55,7 @@ def without_tilt(
             continue
         gain = state_of(state).gain
         jacobian = np.column_stack([gain * values[seen, 1:4], q[seen], gain * values[seen, 4]])
-        modes = (gain * q[seen])[:, np.newaxis] * _levers(scanned.places[:, seen], q[seen])
+        modes = gain * _modes(scanned.places[:, seen], q[seen])
         weighted = modes / readings.variance[k, seen, np.newaxis]
         shared = jacobian.T @ weighted
         explained = shared @ np.linalg.solve(modes.T @ weighted + prior, shared.T)
@@ -63,10 +65,11 @@ def without_tilt(
     return own
 
 
-def _levers(places: Floats, pressure: Floats) -> Floats:
-    """(taxels, 2), offsets of places (2, taxels) from the centre of pressure (taxels,), in radii of gyration."""
+def _modes(places: Floats, pressure: Floats) -> Floats:
+    """(taxels, 4), changes of a pressure (taxels,) at places (2, taxels), pitches, by a and b above."""
     share = pressure / pressure.sum()
     off = places - (places @ share)[:, np.newaxis]
     radius = np.sqrt(off**2 @ share)
-    levers: Floats = (off / np.maximum(radius, _LEAST_RADIUS)[:, np.newaxis]).T
-    return levers
+    levers = (off / np.maximum(radius, _LEAST_RADIUS)[:, np.newaxis]).T
+    plane = np.where(pressure > LOADED.skirt * pressure.max(), pressure @ share, 0.0)
+    return np.concatenate([pressure[:, np.newaxis] * levers, plane[:, np.newaxis] * levers], axis=1)

@@ -13,7 +13,13 @@ from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.deforming import ODOMETRY
 from taxelflow.estimation.template.extrapolation import extrapolate
 from taxelflow.estimation.template.hidden_motion import shown_at_rest
-from taxelflow.estimation.template.hypotheses import ENOUGH_SCANS, FIRST_GAIN_STD, coarse, refined
+from taxelflow.estimation.template.hypotheses import (
+    ENOUGH_SCANS,
+    FIRST_GAIN_STD,
+    coarse,
+    refined,
+    state_precision,
+)
 from taxelflow.estimation.template.initialization import SCHEDULE, IncrementalMapper, start_scan
 from taxelflow.estimation.template.likelihood import cost, touched
 from taxelflow.estimation.template.map import covering, fill
@@ -150,7 +156,7 @@ def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:
     """Variance of x and y, in pitches^2, that a tilt of the load adds in the last keyframes."""
     last = slice(-ODOMETRY.memory, None)
     states, error, own = best.states[last], max(best.error, tilt_std), scanned.taken(last)
-    precision = own.precision(turns=best.turns, gain_std=best.gain_std)
+    precision = state_precision(best, own)
     information = information_of(best.pattern, own, states, error, precision)
     tilted = without_tilt(information, best.pattern, own, states, error, tilt_std)
     more = covariance_of(tilted) - covariance_of(information)

@@ -89,10 +89,10 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
         _add_poor(m)
         if m.poor >= _UNFIT.learned or m.keyframes < KEYFRAMES.young:
             m.flag = NOVEL
-    if unsure:
-        m.flag = NOTHING  # a pattern must not learn from where it is not
     if state_of(m.state).gain > FAINT and m.keyframes < KEYFRAMES.young:
         m.flag = NOVEL
+    if unsure:
+        m.flag = NOTHING  # a pattern must not learn from where it is not
     given_up = m.poor >= _UNFIT.given_up and m.unexplained > UNEXPLAINED.known
     if moved > _UNFIT.leap * (1.0 + m.radius) or given_up:
         m.flag = GONE
