@@ -473,8 +473,9 @@ class LearnedPattern:
     In the object's frame: a point u of it lies on the pad at pose_xy + R(theta) u, with the pose of `Slips` (theta 0
     where it is unknown); in a stream, with the last poses.
     pad: name. t_first_s, t_last_s: times of the first and last of the `scans` scans that it is estimated from.
-    x_m: (nx,), y_m: (ny,), coordinates. pressure: (ny, nx), predicted reading of a taxel there, Pa (counts for a sensor
-    without a scale); NaN where no taxel has been. std: (ny, nx), standard deviation of the pressure for exact poses.
+    x_m: (nx,), y_m: (ny,), coordinates. pressure: (ny, nx), predicted reading of a taxel there at their mean load, Pa
+    (counts for a sensor without a scale); NaN where no taxel has been. std: (ny, nx), standard deviation of the
+    pressure for exact poses.
     turns: whether its rotation is observable. dead: numbers of taxels in the scan that were masked as dead.
     """
 
