@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rigged import rigged
-from taxelflow.estimation.template.batch_session import on_one_map
+from taxelflow.estimation.template.batch_session import _on_one_map
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.scaling import grown_starts, may_have_grown
 from taxelflow.estimation.template.solution import Solved
@@ -133,7 +133,6 @@ def test_the_place_of_a_contact_that_grows_is_as_uncertain_as_its_size() -> None
     scans = scanned(load, x=7.5, size=load ** (1 / 3))  # the border cuts it: a larger spot looks like a nearer one
     states = np.tile([7.5, 4.0, 0.0, 1.0, 0.0], (30, 1))
     grown = Solved(*grown_starts(scans, states, 0)[0], 0.01, 1.0, turns=False, grows=True)
-    free, held = (
-        on_one_map(one, scans, 1.0, 0.05, whole_contact=True).covariance for one in (grown, replace(grown, grows=False))
-    )
+    both = grown, replace(grown, grows=False)
+    free, held = (_on_one_map(one, scans, 1.0, 0.05, whole_contact=True).covariance for one in both)
     assert np.median(free[:, 0, 0] / held[:, 0, 0]) > 1.2

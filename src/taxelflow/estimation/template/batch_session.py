@@ -70,7 +70,7 @@ class _Done:
     present: Bools
 
 
-def on_one_map(solved: Solved, scanned: Scanned, pitch_m: float, unseen_error: float, *, whole_contact: bool) -> Poses:
+def _on_one_map(solved: Solved, scanned: Scanned, pitch_m: float, unseen_error: float, *, whole_contact: bool) -> Poses:
     """Poses of a contact that one map explains, doubted by its map's error and by rivals of its hypothesis.
 
     Unseen errors of the sensor outweigh that of the map. Without them the likelihood has decided whether the object
@@ -211,7 +211,7 @@ class BatchSession:
         of_one_map = solved.error <= REFUTED or len(scanned) <= ODOMETRY.memory
         if of_one_map:
             whole_contact = pad < layout.pad_count or layout.contact_of[pad] >= 0  # load leaves a part of one
-            poses = on_one_map(solved, scanned, pitch_m, unseen_error, whole_contact=whole_contact)
+            poses = _on_one_map(solved, scanned, pitch_m, unseen_error, whole_contact=whole_contact)
             shown = as_pressure(solved.pattern) if solved.heights else solved.pattern
             moment = Moment(shown, scanned, solved.states, np.arange(len(scanned)), solved.turns)
         else:
