@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from elastic_skin import PLACES, pressed
-from taxelflow.numerics.rest_or_slide import comparable, compare
+from taxelflow.numerics.rest_or_slide import compare, overlap
 from taxelflow.numerics.slid import Skin
 
 if TYPE_CHECKING:
@@ -86,9 +86,9 @@ def test_without_load_nothing_is_left() -> None:
 
 
 def test_patterns_are_comparable_where_half_of_the_load_is_on_the_same_taxels() -> None:
-    assert comparable(pressed(), pressed())
-    assert not comparable(pressed(x=-3.0), pressed(x=3.0))
-    assert not comparable(pressed(), np.zeros(len(PLACES)))
+    assert overlap(SKIN, pressed(), pressed()).comparable
+    assert not overlap(SKIN, pressed(x=-3.0), pressed(x=3.0)).comparable
+    assert not overlap(SKIN, pressed(), np.zeros(len(PLACES))).comparable
 
 
 def test_a_slide_that_knows_little_of_the_pattern_explains_nothing() -> None:

@@ -28,11 +28,11 @@ from taxelflow.estimation.held_shift import HeldShift
 from taxelflow.estimation.sticking_poses import StickingPoses
 from taxelflow.messages import AMBIGUOUS, OK, Bools, Bytes, Floats, joined
 from taxelflow.numerics.bins import AHEAD_S
-from taxelflow.numerics.rest_or_slide import comparable, compare
+from taxelflow.numerics.rest_or_slide import compare, overlap
 from taxelflow.numerics.rounding import BLURRED
 from taxelflow.numerics.small_linalg import eigenvalues2
 from taxelflow.runtime.compiling import kernel
-from taxelflow.sensors.skins import skin_of
+from taxelflow.sensors.skins import PadNoise, skin_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -119,7 +119,7 @@ class RestHypothesis:
         self._doubts = layout.unseen_error > 0.0
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         pads = len(layout.pads)
-        self._sticking = StickingPoses(self._pitch_m)
+        self._sticking, self._noise = StickingPoses(self._pitch_m), PadNoise(layout)
         self._coming: deque[Bin] = deque()
         self._due: deque[tuple[int, Bin, Floats]] = deque()  # pads to compare, the bin, and the pose at its end
         self._at_once = 0  # pads compared in one scan: all are done within a bin
@@ -221,7 +221,7 @@ class RestHypothesis:
         self._stays[pad] = stays_at, since_s
         before = self._references.get(pad)
         if before is not None:
-            self._moved[pad] = self._has_moved(pad, before, now, float(np.median(seen.noise[own])))
+            self._moved[pad] = self._has_moved(pad, before, now, float(self._noise.median(seen.noise)[pad]))
             shifts = self._shifts[pad]
             if self._moved[pad]:
                 shifts.forget()
@@ -239,13 +239,14 @@ class RestHypothesis:
         """Whether a slide explains a pattern at least as well as rest. noise: standard deviation of a reading."""
         away = now.place - before.place
         self._far[pad] = False
-        if not comparable(before.pressure, now.pressure):
+        skin = skin_of(self._layout, pad)
+        if not overlap(skin, before.pressure, now.pressure).comparable:
             return True
         if np.hypot(*away[:2]) < _REST.near:
             self._excursion[pad] += 1
             return False
         noise *= np.sqrt(1.0 / before.scans + 1.0 / now.scans)
-        left = compare(skin_of(self._layout, pad), before.pressure, now.pressure, noise, away, sinks=True)
+        left = compare(skin, before.pressure, now.pressure, noise, away, sinks=True)
         moves = left.moves(away[:2])
         self._far[pad] = moves and left.known < _REST.known
         return moves

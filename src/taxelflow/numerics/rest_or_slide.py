@@ -17,14 +17,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taxelflow.messages import Floats
 from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.robust import CLEARLY
 from taxelflow.numerics.rounding import SIGNIFICANT
-from taxelflow.numerics.slid import SAME, UNKNOWNS, Pair, Skin, room_for, slide
+from taxelflow.numerics.slid import SAME, UNKNOWNS, Pair, Skin, fit_surface, room_for, slide
 from taxelflow.numerics.sunk_and_tilted import find_centre, freedom, squares_at_rest
-from taxelflow.runtime.compiling import kernel
+from taxelflow.runtime.compiling import kernel, lean_kernel, routine
 
 _MOST_TAXELS = 100
 """Taxels that decide, evenly spread over a large contact."""
@@ -94,47 +95,92 @@ def compare(
     pitches and rad, where the fit of the slide begins, beside the place before. sinks: whether a slide may sink.
     gain_error: standard deviation of the taxels' gains, relative.
     """
-    largest = max(float(before.max()), float(after.max()))
-    least = max(LOADED.skirt * largest, SIGNIFICANT * noise)
-    loaded = np.flatnonzero((before > least) | (after > least))
-    if not len(loaded):
-        return Unexplained(0.0, 0.0, 0.0)
-    if len(loaded) > _MOST_TAXELS:
-        loaded = loaded[np.linspace(0, len(loaded) - 1, _MOST_TAXELS).round().astype(np.int64)]
-    pair = Pair(skin.fit @ before, np.zeros(2), after, loaded, least, sinks)
-    left = Unexplained(*_compare(skin, pair, before, moved))
-    errors = gain_error**2 * float((before[loaded] ** 2 + after[loaded] ** 2).sum())
-    return left._replace(gain_errors=errors * left.known)
+    return Unexplained(*_compare(skin, before, after, noise, moved, sinks, gain_error))
 
 
 @kernel
 def _compare(
-    skin: Skin, pair: Pair, before: Floats, moved: Floats
-) -> tuple[float, float, float, float, float, float, float, float]:
-    """`compare`, on the chosen taxels."""
+    skin: Skin, before: Floats, after: Floats, noise: float, moved: Floats, sinks: bool, gain_error: float
+) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """The fields of `Unexplained`. Arguments as for `compare`."""
+    largest = max(_largest(before), _largest(after))
+    least = max(LOADED.skirt * largest, SIGNIFICANT * noise)
+    chosen = _deciding(before, after, least)
+    if len(chosen) == 0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0
+    pair = Pair(np.empty(len(skin.fit)), np.zeros(2), after, chosen, least, sinks)
+    fit_surface(skin, before, pair.surface)
     find_centre(skin.places, before, pair.centre)
-    best, x, y, inside = np.inf, 0.0, 0.0, np.ones(len(pair.chosen), np.bool_)
+    best, x, y, inside = np.inf, 0.0, 0.0, np.ones(len(chosen), np.bool_)
     for start in range(2):
-        state, fit = np.zeros(3), room_for(len(pair.chosen))
+        state, fit = np.zeros(3), room_for(len(chosen))
         if start == 0:
             for a in range(3):
                 state[a] = moved[a]
         left = slide(skin, pair, state, fit)
         if left < best:
             best, x, y, inside = left, state[0], state[1], fit.inside
-    rest, _ = squares_at_rest(skin.places, before, pair.after, pair.chosen[inside], pair.least)
-    rest_of_all, free = squares_at_rest(skin.places, before, pair.after, pair.chosen, pair.least)
-    known = np.count_nonzero(inside)
-    return best, rest, rest_of_all, x, y, freedom(known, UNKNOWNS + pair.sinks), free, known / len(inside)
+    rest, _ = squares_at_rest(skin.places, before, after, chosen[inside], least)
+    rest_of_all, free = squares_at_rest(skin.places, before, after, chosen, least)
+    known, power = np.count_nonzero(inside), 0.0
+    for i in chosen:
+        power += before[i] ** 2 + after[i] ** 2
+    share = known / len(chosen)
+    errors = gain_error**2 * power * share
+    return best, rest, rest_of_all, x, y, freedom(known, UNKNOWNS + sinks), free, share, errors
 
 
-def covers(before: Floats, after: Floats) -> bool:
-    """Whether all taxels (taxels,) are loaded in both patterns: none is at the end of the contact."""
-    return bool(np.minimum(before, after).min() > LOADED.skirt * max(before.max(), after.max()))
+@lean_kernel
+def _largest(pattern: Floats) -> float:
+    largest = -np.inf
+    for i in range(len(pattern)):
+        largest = max(largest, pattern[i])
+    return largest
 
 
-def comparable(before: Floats, after: Floats) -> bool:
-    """Whether half of the load of a pattern (taxels,) is on taxels that were loaded in the one before."""
-    load, was = np.maximum(after, 0.0), before > LOADED.skirt * before.max()
-    total = float(load.sum())
-    return total > 0.0 and float(load[was].sum()) >= SAME * total
+@routine
+def _deciding(before: Floats, after: Floats, least: float) -> NDArray[np.int64]:
+    """Taxels that are loaded in one of two patterns (taxels,), or as many of them as decide."""
+    loaded, count = np.empty(len(before), np.int64), 0
+    for i in range(len(before)):
+        if before[i] > least or after[i] > least:
+            loaded[count] = i
+            count += 1
+    if count <= _MOST_TAXELS:
+        return loaded[:count]
+    step = (count - 1) / (_MOST_TAXELS - 1)
+    for k in range(_MOST_TAXELS):
+        loaded[k] = loaded[int(np.rint(k * step))]
+    return loaded[:_MOST_TAXELS]
+
+
+class Overlap(NamedTuple):
+    """Of two patterns. covers: all taxels are loaded in both, so that none is at the end of the contact. comparable:
+    half of the load of the one after is on taxels that were loaded before. x, y: way of the centre of pressure.
+    """
+
+    covers: bool
+    comparable: bool
+    x: float
+    y: float
+
+
+def overlap(skin: Skin, before: Floats, after: Floats) -> Overlap:
+    """Of patterns (taxels,); the way is in pitches, NaN without load."""
+    return Overlap(*_overlap(skin, before, after))
+
+
+@kernel
+def _overlap(skin: Skin, before: Floats, after: Floats) -> tuple[bool, bool, float, float]:
+    """The fields of `Overlap`."""
+    was, now = _largest(before), _largest(after)
+    smallest, held = np.inf, 0.0
+    load, x, y, old_load, old_x, old_y = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(len(before)):
+        smallest = min(smallest, before[i], after[i])
+        old, new = max(before[i], 0.0), max(after[i], 0.0)
+        held += new if before[i] > LOADED.skirt * was else 0.0
+        load, x, y = load + new, x + new * skin.places[i, 0], y + new * skin.places[i, 1]
+        old_load, old_x, old_y = old_load + old, old_x + old * skin.places[i, 0], old_y + old * skin.places[i, 1]
+    covers, comparable = smallest > LOADED.skirt * max(was, now), load > 0.0 and held >= SAME * load
+    return covers, comparable, x / load - old_x / old_load, y / load - old_y / old_load

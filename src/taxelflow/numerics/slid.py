@@ -83,6 +83,16 @@ class Fit(NamedTuple):
     sums: Floats
 
 
+@lean_kernel
+def fit_surface(skin: Skin, readings: Floats, surface: Floats) -> None:
+    """Fill the surface (taxels + 3,) through readings (taxels,)."""
+    for i in range(len(surface)):
+        total = 0.0
+        for k in range(len(readings)):
+            total += skin.fit[i, k] * readings[k]
+        surface[i] = total
+
+
 @routine
 def room_for(count: int) -> Fit:
     """A fit of this many taxels."""

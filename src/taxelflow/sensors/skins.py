@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.numerics.rest_or_slide import compare
+from taxelflow.numerics.rest_or_slide import compare, overlap
 from taxelflow.numerics.slid import Skin
 
 if TYPE_CHECKING:
+    from taxelflow.messages import Floats
     from taxelflow.sensors.layout import Layout
 
 _MOST = 256
@@ -36,3 +37,20 @@ def prepare(layout: Layout) -> None:
         skin = skin_of(layout, pad)
         even = np.ones(len(skin.places))
         compare(skin, even, even, 0.0, np.zeros(3), sinks=True)
+        overlap(skin, even, even)
+
+
+class PadNoise:
+    """Median noise of the taxels of each pad, as patterns are compared at: noise is learned anew only now and then."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout, self._of = layout, np.zeros(0)
+        self._median = np.full(len(layout.pads), np.nan)
+
+    def median(self, noise: Floats) -> Floats:
+        """(pads,), of standard deviations of a reading (entries,); NaN of a pad without taxels."""
+        if noise is not self._of:
+            self._of = noise
+            own = [noise[self._layout.of_pad(pad)] for pad in range(len(self._median))]
+            self._median = np.array([np.median(each) if len(each) else np.nan for each in own])
+        return self._median

@@ -17,12 +17,14 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.rest_or_slide import Unexplained
 from taxelflow.numerics.robust import CLEARLY
+from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +78,7 @@ def log_likelihood_ratio(
     """
     apart = np.log(CHANGE.slip_factor) / CHANGE.spread
     far = distance(share, rest, noise_power, rise, growth)
-    ratio: Floats = np.clip(apart * (far - 0.5 * apart), -CHANGE.largest_ratio, CHANGE.largest_ratio)
-    return ratio
+    return _limited(apart * (far - 0.5 * apart))
 
 
 def looks_like_slip(share: Floats, noise_power: Floats, rise: Floats) -> Bools:
@@ -116,39 +117,71 @@ def distance(share: Floats, rest: Floats | float, noise_power: Floats, rise: Flo
 def joint_log_likelihood_ratio(pattern: Floats, shear: Floats) -> Floats:
     """Of both witnesses, whose logarithms are normal, correlated and alike. pattern, shear: `distance` of each."""
     apart = np.log(CHANGE.slip_factor) / CHANGE.spread
-    joint = apart * (pattern + shear - apart) / (1 + CHANGE.correlation)
-    ratio: Floats = np.clip(joint, -CHANGE.largest_ratio, CHANGE.largest_ratio)
-    return ratio
+    return _limited(apart * (pattern + shear - apart) / (1 + CHANGE.correlation))
 
 
+def _limited(log_ratio: Floats) -> Floats:
+    """A bin is no proof."""
+    limited: Floats = np.maximum(np.minimum(log_ratio, CHANGE.largest_ratio), -CHANGE.largest_ratio)
+    return limited
+
+
+class _Transitions(NamedTuple):
+    """Probabilities of the next state: the same or the other, of rest and tilt; that a slip begins, stays or ends."""
+
+    same: float
+    other: float
+    begins: float
+    stays: float
+    ends: float
+
+
+@kernel
 def updated(shares: Floats, log_ratios: Floats, touching: Bools, step_s: float) -> Floats:
     """(3, pads), probabilities of the states after one more bin: rests where there is no contact.
 
     shares: those before it. log_ratios: (2, pads), of "tilts" and of "slides" against "rests"; NaN is no evidence.
     """
-    after = (_transitions(step_s).T @ shares) * _factors(log_ratios)
-    known: Floats = np.where(touching, after / after.sum(axis=0), UNTOUCHED)
-    return known
+    found, to = np.empty((3, len(touching))), _transitions(step_s)
+    for pad in range(len(touching)):
+        rests, tilts, slides = shares[0, pad], shares[1, pad], shares[2, pad]
+        found[0, pad] = to.same * rests + to.other * tilts + to.ends * slides
+        found[1, pad] = (to.other * rests + to.same * tilts) * _factor(log_ratios[0, pad])
+        found[2, pad] = (to.begins * (rests + tilts) + to.stays * slides) * _factor(log_ratios[1, pad])
+        total = found[0, pad] + found[1, pad] + found[2, pad]
+        for state in range(3):
+            found[state, pad] = found[state, pad] / total if touching[pad] else UNTOUCHED[state, 0]
+    return found
 
 
+@kernel
 def looked_back(later: Floats, log_ratios: Floats, touching: Bools, step_s: float) -> Floats:
     """(3, pads), factors on the states of a bin by all bins after it.
 
     later: those of the next bin, whose ratios and contact these are, step_s after.
     """
-    before = _transitions(step_s) @ (later * _factors(log_ratios))
-    known: Floats = np.where(touching, before / before.max(axis=0), 1.0)
-    return known
+    found, to = np.empty((3, len(touching))), _transitions(step_s)
+    for pad in range(len(touching)):
+        rests = later[0, pad]
+        tilts, slides = later[1, pad] * _factor(log_ratios[0, pad]), later[2, pad] * _factor(log_ratios[1, pad])
+        found[0, pad] = to.same * rests + to.other * tilts + to.begins * slides
+        found[1, pad] = to.other * rests + to.same * tilts + to.begins * slides
+        found[2, pad] = to.ends * rests + to.stays * slides
+        most = max(found[0, pad], found[1, pad], found[2, pad])
+        for state in range(3):
+            found[state, pad] = found[state, pad] / most if touching[pad] else 1.0
+    return found
 
 
-def _factors(log_ratios: Floats) -> Floats:
-    """(3, pads), likelihoods of a bin, of the states over that of "rests"."""
-    return np.concatenate([np.ones_like(log_ratios[:1]), np.exp(np.nan_to_num(log_ratios, nan=0.0))])
+@inlined
+def _factor(log_ratio: float) -> float:
+    """Likelihood of a bin, of a state over that of "rests"."""
+    return 1.0 if np.isnan(log_ratio) else np.exp(log_ratio)
 
 
-def _transitions(step_s: float) -> Floats:
-    """(3, 3), probability of each state after a time, from each state; the first bin has none before it."""
-    step_s = min(step_s, REST_S)
-    begins, stays = float(-np.expm1(-step_s / REST_S)), float(np.exp(-step_s / SLIDE_S))
-    same, other = (1 - begins) * (1 - begins), (1 - begins) * begins
-    return np.array([[same, other, begins], [other, same, begins], [1 - stays, 0.0, stays]])
+@lean_kernel
+def _transitions(step_s: float) -> _Transitions:
+    """Those after a time; the first bin has none before it."""
+    passed = min(step_s, REST_S)
+    begins, ends = -np.expm1(-passed / REST_S), -np.expm1(-passed / SLIDE_S)
+    return _Transitions((1.0 - begins) * (1.0 - begins), (1.0 - begins) * begins, begins, 1.0 - ends, ends)

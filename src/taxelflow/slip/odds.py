@@ -126,6 +126,8 @@ class _Forward:
 
     def _by_longer(self, changes: Floats) -> Floats:
         """(pads, baselines), log odds by longer baselines alone. changes: (pads, baselines, 3)."""
+        if not changes.shape[1]:  # a stream
+            return changes[..., 0]
         unexplained, noise, rise = np.moveaxis(changes, -1, 0)
         with np.errstate(invalid="ignore"):
             return AGAINST + log_likelihood_ratio(

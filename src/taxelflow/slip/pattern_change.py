@@ -26,11 +26,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from taxelflow.numerics.bins import BIN_S, Bin, Binning
-from taxelflow.numerics.rest_or_slide import comparable, compare, covers
-from taxelflow.numerics.rounding import ROUNDING, SIGNIFICANT
-from taxelflow.sensors.skins import skin_of
+from taxelflow.numerics.rest_or_slide import compare, overlap
+from taxelflow.sensors.skins import PadNoise, skin_of
 from taxelflow.slip.evidence import looks_like_slip, tilt_over_slide
 from taxelflow.slip.shear_change import ShearNoise, spread
+from taxelflow.slip.unexplained import Pads, Patterns, compare_patterns
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Scans
@@ -47,12 +47,8 @@ class _Bins(NamedTuple):
 
 
 BINS = _Bins()
-STEADY_RISE = 0.1
-"""Change of the log load above which a grip closes or opens: the contact is not at rest."""
 _OWN = 7
 """Values of a pad and bin beside those of longer baselines."""
-_SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-"""Places of a symmetric matrix in its six elements."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,18 +87,12 @@ class PatternWatch:
     def __init__(self, layout: Layout, creep_m_s: float, after: int, longer: tuple[int, ...] = ()) -> None:
         """creep_m_s: see `SlipMonitor`. after: bins after the one that is judged. longer: bins of longer baselines."""
         self._layout, self._starts = layout, layout.starts[:-1]
-        place_m = np.stack([layout.x_m, layout.y_m])
-        count = np.diff(layout.starts)
-        total_m = np.add.reduceat(place_m, self._starts, axis=1)
-        place_m = place_m - np.repeat(total_m / np.maximum(count, 1), count, axis=1)  # a pad may have no taxel
-        scale_m = np.maximum(np.repeat(np.maximum.reduceat(np.abs(place_m).max(axis=0), self._starts), count), 1e-9)
-        (x, y), one = place_m / scale_m, np.ones(len(scale_m))
-        self._basis = np.stack([one, x, y, x * x, x * y, y * y])
-        self._extent = np.stack([one, *place_m, (place_m**2).sum(axis=0)])
+        self._pads, self._noise = Pads.of(layout), PadNoise(layout)
         self._creep_m = creep_m_s * (after + BINS.before + 2) / 2 * BIN_S
         self._after, self._longer = after, longer
         self._bins: deque[Bin] = deque(maxlen=BINS.before + max((1, *longer)) + after)
         self._binning = Binning()
+        self._known = np.zeros(len(layout.pads), dtype=np.int64)  # last bins in contact and complete
         self.completed: list[Bin] | None = [] if layout.unseen_error else None
         """Bins since the last that was taken out, where `ShiftingLoad` needs them."""
         self._shear_noise = ShearNoise(layout)
@@ -140,9 +130,11 @@ class PatternWatch:
         found = self._binning.add(scans, scan)
         if self._binning.after_gap:
             self._bins.clear()
+            self._known[:] = 0
         if found is None:
             return False
         self._bins.append(found)
+        self._known = np.where(found.touching & found.whole, self._known + 1, 0)
         if self.completed is not None:
             self.completed.append(found)
         return True
@@ -156,51 +148,32 @@ class PatternWatch:
         """Fill in, of (7 and 3 of each longer baseline, pads), unexplained, noise, rise, stirred and tilt, and the
         longer ones. noise: (entries,).
         """
-        found[:4] = self._changed(noise, 1)
+        patterns = self._patterns(noise, 1)
+        found[:4] = self._changes(patterns, 1)
         if self._layout.unseen_error:
-            (old, old_scans), (new, new_scans) = (_mean(side) for side in self._sides())
-            scatter = noise * np.sqrt(1.0 / old_scans + 1.0 / new_scans)
+            scatter = self._noise.median(noise) * np.sqrt(patterns.scatter)
             for pad in np.flatnonzero(looks_like_slip(*found[:3])).tolist():
                 own = self._layout.of_pad(pad)
-                found[4, pad] = _tilt(self._layout, pad, old[own], new[own], scatter[own])
+                before, after = patterns.before[own], patterns.after[own]
+                found[4, pad] = _tilt(self._layout, pad, before, after, float(scatter[pad]))
         for number, between in enumerate(self._longer):
             if len(self._bins) >= BINS.before + between + self._after:
                 first = _OWN + 3 * number
-                found[first : first + 3] = self._changed(noise, between)[:3]
+                found[first : first + 3] = self._changes(self._patterns(noise, between), between)[:3]
 
-    def _changed(self, noise: Floats, between: int) -> Floats:
-        """(4, pads), unexplained, noise, rise and stirred over this many bins."""
+    def _patterns(self, noise: Floats, between: int) -> Patterns:
+        """Those before and after this many bins, the last of all."""
         before, after = self._sides(between)
-        window = list(self._bins)[-(BINS.before + between + self._after) :]
-        valid = np.logical_and.reduce([one.touching & one.whole for one in window])
-        if not valid.any():
-            return np.full((4, len(valid)), np.nan)
         (old, old_scans), (new, new_scans) = _mean(before), _mean(after)
         clipped = np.logical_or.reduce([one.clipped for one in [*before, *after]])
-        if clipped.any():
-            old, new = np.where(clipped, 0.0, old), np.where(clipped, 0.0, new)
-        live = noise**2 * ((old != 0) | (new != 0)) * (1 / old_scans + 1 / new_scans)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            products = np.concatenate(
-                [
-                    old * old * self._basis,
-                    old * new * self._basis[:3],
-                    np.maximum(old, 0.0) * self._extent,
-                    [new, new * new, live, live > 0],
-                ]
-            )
-            sums = np.add.reduceat(products, self._starts, axis=1)
-            loaded, tilted = _explained(sums[:6], sums[6:9])
-            load, x, y, square, power, variance, taxels = sums[[9, 10, 11, 12, 14, 15, 16]]
-            rise = np.log(np.maximum(sums[13], 0.0) / load)
-            creep = 0.5 * self._creep_m**2 / (0.5 * (square - (x * x + y * y) / load) / load)  # of a Gaussian pattern
-            unexplained, noise_power = np.maximum(1 - tilted / power, 0.0), variance / power
-            # With two sigmas, 7 of 150 firm contacts that stick and slip were called restless in their first second.
-            stirred = 1 - loaded / power > noise_power * (1 + SIGNIFICANT * np.sqrt(2 / taxels)) + creep
-            valid &= np.isfinite(unexplained + noise_power + rise)
-        steady = valid & (np.abs(rise) < STEADY_RISE)
-        known = np.where(valid, (unexplained, noise_power, rise), np.nan)
-        return np.concatenate([known, np.where(steady, stirred, np.nan)[np.newaxis]])
+        return Patterns(old, new, 1.0 / old_scans + 1.0 / new_scans, clipped, noise)
+
+    def _changes(self, patterns: Patterns, between: int) -> Floats:
+        """(4, pads), unexplained, noise, rise and stirred over this many bins."""
+        known = self._known >= BINS.before + between + self._after
+        found = np.empty((4, len(known)))
+        compare_patterns(self._pads, patterns, known, self._creep_m, found)
+        return found
 
     def _compare_shear(self, variance: Floats, found: Floats) -> None:
         """Fill in, of (7 and more, pads), the last of seven where the pattern is known: spread and its noise. variance:
@@ -218,16 +191,14 @@ class PatternWatch:
         found[5:_OWN] = np.where(np.isfinite(found[0] + power), (power, noise), np.nan)
 
 
-def _tilt(layout: Layout, pad: int, old: Floats, new: Floats, scatter: Floats) -> float:
-    """See `PatternChanges`: of a pad's patterns (taxels,), whose difference has these standard deviations (taxels,)."""
+def _tilt(layout: Layout, pad: int, old: Floats, new: Floats, scatter: float) -> float:
+    """See `PatternChanges`: of a pad's patterns (taxels,), whose difference has this standard deviation."""
     skin = skin_of(layout, pad)
-    if covers(old, new) or not comparable(old, new):
+    common = overlap(skin, old, new)
+    if common.covers or not common.comparable:
         return np.nan
-    way = np.zeros(3)
-    for pattern, sign in ((new, 1.0), (old, -1.0)):
-        load = np.maximum(pattern, 0.0)
-        way[:2] += sign / load.sum() * (load @ skin.places)
-    return tilt_over_slide(compare(skin, old, new, float(np.median(scatter)), way, gain_error=layout.unseen_error))
+    way = np.array([common.x, common.y, 0.0])
+    return tilt_over_slide(compare(skin, old, new, scatter, way, gain_error=layout.unseen_error))
 
 
 def _mean(bins: list[Bin]) -> tuple[Floats, int]:
@@ -243,17 +214,3 @@ def _mean_shear(bins: list[Bin]) -> Floats:
     """(entries, 2)."""
     total: Floats = np.sum([one.shear for one in bins if one.shear is not None], axis=0)
     return total / sum(one.scans for one in bins)
-
-
-def _explained(squares: Floats, products: Floats) -> tuple[Floats, Floats]:
-    """(pads,), power of the new pattern that its load explains, and load and tilt together.
-
-    squares: (6, pads), sums of q^2 times 1, x, y, xx, xy, yy. products: (3, pads), of q y times 1, x, y. Centre and
-    unit of the places do not matter.
-    """
-    normal = squares[_SYMMETRIC].transpose(2, 0, 1)
-    # Tilts of a line of taxels have one dimension only.
-    normal = normal + (ROUNDING * squares[0] + 1e-300)[:, np.newaxis, np.newaxis] * np.eye(3)
-    score = products.T[..., np.newaxis]
-    tilted = (score * np.linalg.solve(normal, score)).sum(axis=(1, 2))
-    return products[0] ** 2 / squares[0], tilted

@@ -6,16 +6,17 @@ and are precise, their covariance speaks for rest. A slip shorter than they reso
 
 from __future__ import annotations
 
-from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.messages import OK
+from taxelflow.messages import OK, Bools, Floats
 from taxelflow.numerics.rounding import SIGNIFICANT
+from taxelflow.numerics.small_linalg import eigenvalues2
+from taxelflow.runtime.compiling import kernel
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Bools, Floats, Slips
+    from taxelflow.messages import Slips
 
 _SHARE = 0.25
 """Of a pitch: a motion that poses must exclude. On 19 recordings of a real finger whose poses are `ok` in slips of 4 mm
@@ -27,8 +28,8 @@ class PoseRest:
 
     def __init__(self, pitch_m: Floats, window_bins: int) -> None:
         """pitch_m: (pads, 2). window_bins: bins in which a pattern is compared."""
-        self._most_m = _SHARE * pitch_m.min(axis=1)
-        self._poses: deque[tuple[Floats, Floats]] = deque(maxlen=window_bins + 1)
+        self._most_m, self._bins = _SHARE * pitch_m.min(axis=1), 0
+        self._window = np.full((window_bins + 1, len(pitch_m), 3), np.nan)
 
     def step(self, slips: Slips, scan: int, slipped: Bools) -> Bools:
         """(pads,), whether the poses of the window that ends with this scan exclude a slip.
@@ -36,15 +37,28 @@ class PoseRest:
         slipped: (pads,), by the pose in any scan of the last bin.
         """
         known = (slips.quality[scan] == OK) & ~slipped
-        place_m = np.where(known[:, np.newaxis], slips.pose[scan, :, :2], np.nan)
         variance = slips.covariance[scan] if slips.unseen is None else slips.covariance[scan] + slips.unseen[scan]
-        xx, xy, yy = variance[:, 0, 0], variance[:, 0, 1], variance[:, 1, 1]
-        largest = 0.5 * (xx + yy + np.hypot(xx - yy, 2 * xy))
-        self._poses.append((place_m, np.sqrt(largest)))
-        if len(self._poses) < (self._poses.maxlen or 0):
-            return np.zeros_like(known)
-        places = np.stack([place for place, _ in self._poses])
-        deviations = np.stack([deviation for _, deviation in self._poses])
-        way_m = np.hypot(*(places.max(axis=0) - places.min(axis=0)).T)
-        excluded: Bools = way_m + SIGNIFICANT * deviations.max(axis=0) < self._most_m
-        return excluded
+        now = self._bins % len(self._window)
+        self._bins += 1
+        return _excludes(slips.pose[scan], variance, known, self._window, now, self._most_m)
+
+
+@kernel
+def _excludes(pose: Floats, covariance: Floats, known: Bools, window: Floats, now: int, most_m: Floats) -> Bools:
+    """Whether each pad's poses in a window (bins, pads, 3), of x, y and largest standard deviation, m, exclude a motion
+    by more than most_m (pads,). First the poses (pads, 3) of its bin `now` are written into it.
+    """
+    excluded = np.zeros(len(known), np.bool_)
+    for pad in range(len(known)):
+        row, variance = window[now, pad], covariance[pad]
+        row[0], row[1] = pose[pad, 0], pose[pad, 1]
+        usable = known[pad] and not np.isnan(row[0] + row[1])
+        row[2] = np.sqrt(eigenvalues2(variance[0, 0], variance[1, 1], variance[0, 1])[1]) if usable else np.nan
+        left, right, low, high, widest = np.inf, -np.inf, np.inf, -np.inf, 0.0
+        for k in range(len(window)):
+            x, y, deviation = window[k, pad, 0], window[k, pad, 1], window[k, pad, 2]
+            left, right, low, high = min(left, x), max(right, x), min(low, y), max(high, y)
+            widest = max(widest, deviation) if deviation >= 0.0 else np.inf
+        way_m = np.sqrt((right - left) ** 2 + (high - low) ** 2)
+        excluded[pad] = way_m + SIGNIFICANT * widest < most_m[pad]
+    return excluded

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.slip.evidence import CHANGE, first_growths
-from taxelflow.slip.pattern_change import STEADY_RISE
+from taxelflow.slip.unexplained import STEADY_RISE
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats

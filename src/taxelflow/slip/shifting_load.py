@@ -30,10 +30,10 @@ import numpy as np
 
 from taxelflow.messages import Floats
 from taxelflow.numerics.bins import BIN_S
-from taxelflow.numerics.rest_or_slide import comparable, compare, covers
+from taxelflow.numerics.rest_or_slide import compare, overlap
 from taxelflow.numerics.robust import CLEARLY
 from taxelflow.runtime.compiling import kernel
-from taxelflow.sensors.skins import prepare, skin_of
+from taxelflow.sensors.skins import PadNoise, prepare, skin_of
 from taxelflow.slip.evidence import CHANGE, log_likelihood_ratio
 from taxelflow.slip.pattern_change import BINS
 from taxelflow.slip.restless import RESTLESS_SHARE
@@ -109,7 +109,7 @@ class ShiftingLoad:
 
     def __init__(self, layout: Layout) -> None:
         self._layout, self._numbers = layout, {name: number for number, name in enumerate(layout.pads)}
-        self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
+        self._pitch_m, self._noise = np.sqrt(layout.pitch_m.prod(axis=1)), PadNoise(layout)
         self._doubts = layout.unseen_error > 0.0
         count = len(layout.pads)
         self._claims: dict[int, _Claim] = {}
@@ -183,8 +183,10 @@ class ShiftingLoad:
     def _pattern(self, pad: int, seen: list[_Seen]) -> _Pattern:
         """Mean of some bins, at least one."""
         own, scans = self._layout.of_pad(pad), sum(one.bin.scans for one in seen)
-        total = np.sum([one.bin.pressure[own] for one in seen], axis=0)
-        return _Pattern(seen[-1].bin.until_s, total / scans, scans, np.mean([one.path_m[pad] for one in seen], axis=0))
+        total, path_m = seen[0].bin.pressure[own], seen[0].path_m[pad]
+        for one in seen[1:]:
+            total, path_m = total + one.bin.pressure[own], path_m + one.path_m[pad]
+        return _Pattern(seen[-1].bin.until_s, total / scans, scans, path_m / len(seen))
 
     def _judge(self, seen: _Seen) -> None:
         """One more bin: compare the patterns that have not shown their slip yet."""
@@ -200,24 +202,29 @@ class ShiftingLoad:
             if claim.before is None:
                 claim.before = now
                 continue
-            if not comparable(claim.before.pressure, now.pressure):
+            common = overlap(skin_of(self._layout, pad), claim.before.pressure, now.pressure)
+            if not common.comparable:
                 claim.shown = True
             else:
-                self._compare(pad, claim, claim.before, now, seen.bin.noise)
+                noise = float(self._noise.median(seen.bin.noise)[pad])
+                self._compare(pad, claim, claim.before, now, noise, covers=common.covers)
             if claim.shown:
                 claim.since_s, claim.rests = min(claim.since_s, claim.rested_s), False
             elif claim.rests:
                 claim.before, claim.rested_s = now, now.until_s
             self._since_s[pad], self._rests[pad] = claim.since_s, claim.rests
 
-    def _compare(self, pad: int, claim: _Claim, before: _Pattern, now: _Pattern, noise: Floats) -> None:
-        """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?"""
+    def _compare(self, pad: int, claim: _Claim, before: _Pattern, now: _Pattern, noise: float, *, covers: bool) -> None:
+        """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?
+
+        noise: standard deviation of a reading. covers: whether the object covers the pad.
+        """
         moved = (now.path_m - before.path_m) / self._pitch_m[pad]
-        one = float(np.median(noise[self._layout.of_pad(pad)]) * np.sqrt(1.0 / before.scans + 1.0 / now.scans))
+        noise *= float(np.sqrt(1.0 / before.scans + 1.0 / now.scans))
         skin, way = skin_of(self._layout, pad), np.array([*moved, 0.0])
-        left = compare(skin, before.pressure, now.pressure, one, way, gain_error=self._layout.unseen_error)
+        left = compare(skin, before.pressure, now.pressure, noise, way, gain_error=self._layout.unseen_error)
         first = claim.still and not claim.compared
-        odd = covers(before.pressure, now.pressure) and _is_odd(before, now, left.rest, one)
+        odd = covers and _is_odd(before, now, left.rest, noise)
         claim.shown, claim.rests = left.rest > CLEARLY**2 * left.slide, left.rests()
         if claim.since_s == np.inf and (odd or (first and not claim.rests)):
             claim.since_s = claim.rested_s
