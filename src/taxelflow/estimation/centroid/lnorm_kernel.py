@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import erfc
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from taxelflow.estimation.centroid.records import Pad, Place, Row, ScanBlock
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.rounding import CERTAIN
-from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.runtime.compiling import kernel, lean_kernel, routine
 
 
 class Memory:
@@ -49,13 +50,14 @@ def peak_flow(
             now.t_s = t[scan]
             p, x, y = pressure[scan, own], places[0, own], places[1, own]
             row: Row = rows[scan, number]
-            peak_place(p, noise[own], x, y, pad, share, now)
+            peak = find_peak(p, noise[own])
+            fill_place(p, noise[own], x, y, pad, peak, share, now)
             row.pose.x, row.pose.y, row.lag_s = now.x, now.y, 0.0
             row.pose.var_x = now.var_x + pad.gain_x * pad.gain_x * pad.pitch_x**2 / 12.0
             row.pose.var_y = now.var_y + pad.gain_y * pad.gain_y * pad.pitch_y**2 / 12.0
             row.pose.cov_xy = now.cov_xy
             if share > 0.0:
-                peak_place(p, noise[own], x, y, pad, 0.0, now)
+                fill_place(p, noise[own], x, y, pad, peak, 0.0, now)
             if m.usable:
                 row.displacement.x, row.displacement.y = now.x - m.last.x, now.y - m.last.y
                 row.displacement.var_x = now.var_x + m.last.var_x
@@ -66,20 +68,41 @@ def peak_flow(
             m.last = now
 
 
-@routine
-def peak_place(p: Floats, noise: Floats, x: Floats, y: Floats, pad: Pad, share: float, place: Place) -> None:
-    """Fill place from one scan of a pad, (taxels,) each: where the largest taxel is; the covariance is that of a tie.
+class Peak(NamedTuple):
+    """The largest taxel of a pad: its number, the first in scan order of equals. noise: the largest of its taxels."""
 
-    Each taxel weighs as much as it is likely, by the noise of both and an error of this share of each reading, to be
-    larger than the largest.
-    """
-    best = -1
+    taxel: int
+    noise: float
+
+
+@lean_kernel
+def find_peak(p: Floats, noise: Floats) -> Peak:
+    """That of one scan of a pad, (taxels,) each; taxels without noise are masked."""
+    best, loudest = -1, 0.0
     for k in range(len(p)):
         if noise[k] > 0.0 and (best < 0 or p[k] > p[best]):
             best = k
+        loudest = max(loudest, noise[k])
+    return Peak(best, loudest)
+
+
+@routine
+def fill_place(
+    p: Floats, noise: Floats, x: Floats, y: Floats, pad: Pad, peak: Peak, share: float, place: Place
+) -> None:
+    """Fill place from one scan of a pad, (taxels,) each: where the largest taxel is; the covariance is that of a tie.
+
+    Each taxel weighs as much as it is likely, by the noise of both and an error of this share of each reading, to be
+    larger than the largest. These errors are of gains that are spread evenly: none is beyond the root of 3 of them.
+    """
+    best, most = peak.taxel, np.sqrt(3.0) * share
+    least = (p[best] * (1.0 - most) - CERTAIN * np.sqrt(2.0) * peak.noise) / (1.0 + most)
+    own2, share2 = noise[best] ** 2 + share * share * p[best] * p[best], share * share
     weight = var_x = var_y = cov = 0.0
     for k in range(len(p)):
-        sd2 = noise[k] ** 2 + noise[best] ** 2 + share * share * (p[k] * p[k] + p[best] * p[best])
+        if p[k] < least:
+            continue
+        sd2 = noise[k] ** 2 + own2 + share2 * p[k] * p[k]
         behind = p[best] - p[k]
         if noise[k] > 0.0 and behind * behind < CERTAIN**2 * sd2:
             w = 0.5 * erfc(behind / np.sqrt(2.0 * sd2))
