@@ -237,9 +237,8 @@ class RestHypothesis:
 
     def _has_moved(self, pad: int, before: _Reference, now: _Reference, noise: float) -> bool:
         """Whether a slide explains a pattern at least as well as rest. noise: standard deviation of a reading."""
-        away = now.place - before.place
+        away, skin = now.place - before.place, skin_of(self._layout, pad)
         self._far[pad] = False
-        skin = skin_of(self._layout, pad)
         if not overlap(skin, before.pressure, now.pressure).comparable:
             return True
         if np.hypot(*away[:2]) < _REST.near:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 STEADY_RISE = 0.1
 """Change of the log load above which a grip closes or opens: the contact is not at rest."""
-_LEAST = 1e-300
-"""Added to a power that may be 0."""
 
 
 class Pads(NamedTuple):
@@ -138,7 +136,7 @@ def _explained(s: _Sums) -> float:
     normal[1, 1], normal[2, 1], normal[2, 2] = s.qq_xx, s.qq_xy, s.qq_yy
     fit[0], fit[1], fit[2] = s.qp, s.qp_x, s.qp_y
     for a in range(3):  # tilts of a line of taxels have one dimension only
-        normal[a, a] += ROUNDING * s.qq + _LEAST
+        normal[a, a] += ROUNDING * s.qq + 1e-300
     if not solve_small(normal, fit, 3):
         return np.nan
     power: float = s.qp * fit[0] + s.qp_x * fit[1] + s.qp_y * fit[2]
