@@ -40,15 +40,18 @@ class PoseRest:
         variance = slips.covariance[scan] if slips.unseen is None else slips.covariance[scan] + slips.unseen[scan]
         now = self._bins % len(self._window)
         self._bins += 1
-        return _excludes(slips.pose[scan], variance, known, self._window, now, self._most_m)
+        excluded: Bools = np.empty_like(known)
+        _exclude(slips.pose[scan], variance, known, self._window, now, self._most_m, excluded)
+        return excluded
 
 
 @kernel
-def _excludes(pose: Floats, covariance: Floats, known: Bools, window: Floats, now: int, most_m: Floats) -> Bools:
-    """Whether each pad's poses in a window (bins, pads, 3), of x, y and largest standard deviation, m, exclude a motion
-    by more than most_m (pads,). First the poses (pads, 3) of its bin `now` are written into it.
+def _exclude(
+    pose: Floats, covariance: Floats, known: Bools, window: Floats, now: int, most_m: Floats, excluded: Bools
+) -> None:
+    """Fill excluded (pads,): whether the poses in a window (bins, pads, 3), of x, y and largest standard deviation, m,
+    exclude a motion by more than most_m (pads,). First the poses (pads, 3) of its bin `now` are written into it.
     """
-    excluded = np.zeros(len(known), np.bool_)
     for pad in range(len(known)):
         row, variance = window[now, pad], covariance[pad]
         row[0], row[1] = pose[pad, 0], pose[pad, 1]
@@ -61,4 +64,3 @@ def _excludes(pose: Floats, covariance: Floats, known: Bools, window: Floats, no
             widest = max(widest, deviation) if deviation >= 0.0 else np.inf
         way_m = np.sqrt((right - left) ** 2 + (high - low) ** 2)
         excluded[pad] = way_m + SIGNIFICANT * widest < most_m[pad]
-    return excluded

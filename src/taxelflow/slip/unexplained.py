@@ -8,8 +8,7 @@ import numpy as np
 
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.rounding import ROUNDING, SIGNIFICANT
-from taxelflow.numerics.small_linalg import solve_small
-from taxelflow.runtime.compiling import kernel, lean_kernel, routine
+from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 from taxelflow.sensors.layout import Indices
 
 if TYPE_CHECKING:
@@ -111,7 +110,7 @@ def _add_up(pads: Pads, patterns: Patterns, pad: int) -> _Sums:
     )
 
 
-@routine
+@lean_kernel
 def _judge(s: _Sums, creep_m: float, found: Floats) -> None:
     """Fill found (4,) of a pad."""
     rise, noise = np.log(max(s.p, 0.0) / s.q), s.variance / s.pp
@@ -128,16 +127,17 @@ def _judge(s: _Sums, creep_m: float, found: Floats) -> None:
         found[3] = 1.0 if 1.0 - s.qp * s.qp / s.qq / s.pp > usual else 0.0
 
 
-@routine
+@inlined
 def _explained(s: _Sums) -> float:
-    """Power of the pattern after that load and tilt explain. Centre and unit of the places do not matter."""
-    normal, fit = np.empty((3, 3)), np.empty(3)
-    normal[0, 0], normal[1, 0], normal[2, 0] = s.qq, s.qq_x, s.qq_y
-    normal[1, 1], normal[2, 1], normal[2, 2] = s.qq_xx, s.qq_xy, s.qq_yy
-    fit[0], fit[1], fit[2] = s.qp, s.qp_x, s.qp_y
-    for a in range(3):  # tilts of a line of taxels have one dimension only
-        normal[a, a] += ROUNDING * s.qq + 1e-300
-    if not solve_small(normal, fit, 3):
-        return np.nan
-    power: float = s.qp * fit[0] + s.qp_x * fit[1] + s.qp_y * fit[2]
-    return power
+    """Power of the pattern after that load and tilt explain: by L D L^T of the normal matrix, whose ridge is for tilts
+    of a line of taxels, of one dimension only. Centre and unit of the places do not matter.
+    """
+    ridge = ROUNDING * s.qq + 1e-300
+    d0 = s.qq + ridge
+    l10, l20 = s.qq_x / d0, s.qq_y / d0
+    d1 = s.qq_xx + ridge - l10 * s.qq_x
+    l21 = (s.qq_xy - l20 * s.qq_x) / d1
+    d2 = s.qq_yy + ridge - l20 * s.qq_y - l21 * l21 * d1
+    along = s.qp_x - l10 * s.qp
+    across = s.qp_y - l20 * s.qp - l21 * along
+    return s.qp * s.qp / d0 + along * along / d1 + across * across / d2
