@@ -162,3 +162,12 @@ def test_blocks_of_any_size_and_both_modes_give_the_same_bits() -> None:
 def test_a_border_is_marked_as_for_the_other_method() -> None:
     scans = scans_of(PALM, [dome(PALM, x, radius_m=0.006) for x in np.linspace(-0.04, 0.04, 30)], noise=50.0)
     np.testing.assert_array_equal(slips_by("lnorm", PALM, scans).border, slips_by("convolution", PALM, scans).border)
+
+
+def test_taxels_that_cannot_be_the_largest_add_no_variance_however_many_they_are() -> None:
+    variances = []
+    for size in (9, 33):
+        sensor = grid_sensor(size, size, pitch_m=(0.002, 0.002), unseen_error=0.05)
+        slips = slips_by("lnorm", sensor, scans_of(sensor, np.array([dome(sensor, radius_m=0.004)] * 2), noise=1.0))
+        variances.append(slips.covariance[1, 0, 0, 0])
+    assert variances[1] == pytest.approx(variances[0], rel=1e-6)
