@@ -41,7 +41,7 @@ def prepare(layout: Layout) -> None:
 
 
 class PadNoise:
-    """Median noise of the taxels of each pad, as patterns are compared at: noise is learned anew only now and then."""
+    """Median noise of each pad's taxels, computed again only when the noise is estimated anew."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout, self._of = layout, np.zeros(0)
