@@ -293,6 +293,26 @@ def test_what_waits_for_a_sink_is_written_at_once(monkeypatch: pytest.MonkeyPatc
     assert worker.published == 10
 
 
+def test_a_scan_that_a_stuck_sink_has_in_hand_is_dropped_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "_QUEUE", replace(workers._QUEUE, grace_s=0.01))
+    sink, faults = _Taken(), Faults()
+    monkeypatch.setattr(sink, "hurry", lambda: None)
+    worker = SinkWorker("a", sink, faults)
+    worker.start()
+    worker.offer(Raw(slid(5)))
+    worker.wake()
+    assert sink.came.wait(20)
+    for _ in range(3):
+        worker.offer(Raw(slid(1)))
+    worker.finish(Ending(None, ()))
+    assert worker.is_alive()
+    assert faults.counts["a sink is stuck"] == 1
+    assert (worker.published, worker.dropped) == (0, 8)
+    sink.free.set()  # it comes back too late
+    worker.join(20)
+    assert (worker.published, worker.dropped) == (0, 8)
+
+
 class _Lengths(ResultSink):
     """Notes how many scans each update has."""
 

@@ -75,13 +75,16 @@ class SinkWorker(threading.Thread):
     @property
     def dropped(self) -> int:
         """Scans, or lines for a client, that were not passed on."""
-        return self._dropped + self.sink.dropped
+        return self._dropped + (self._lost() if self.sink.lossless else self.sink.dropped)
 
     @property
     def published(self) -> int:
         """Scans passed to the sink, without those that it then lost: of a file that gathers, some only at its end."""
-        lost = self.sink.dropped if self.sink.lossless else 0  # a server counts each client's
-        return max(self._passed - lost, 0)
+        return self._passed - (self._lost() if self.sink.lossless else 0)  # a server counts each client's
+
+    def _lost(self) -> int:
+        """Scans passed to a file that it then lost; those in hand are not passed yet."""
+        return min(self.sink.dropped, self._passed)
 
     def offer(self, item: Update | Raw) -> None:
         """Queue it; returns at once. The thread is woken by `wake`, or when much waits."""
@@ -125,9 +128,18 @@ class SinkWorker(threading.Thread):
         self.sink.hurry()
         self.join(_QUEUE.grace_s)
         if self.is_alive():
-            left = sum(map(self._counted, self._waiting))
-            self._dropped += left
+            left = self._end()
             self._faults.report("a sink is stuck", f"{self.label}; {left} scans are lost")
+
+    def _end(self) -> int:
+        """Take no more scans; those that it holds are dropped. Returns how many."""
+        with self._come:
+            left = self._in_hand + sum(map(self._counted, self._waiting))
+            self._dropped += left
+            self._waiting.clear()
+            self._in_hand = 0
+            self.ended = True
+        return left
 
     def _drained(self) -> None:
         """Wait while it goes on."""
@@ -155,10 +167,7 @@ class SinkWorker(threading.Thread):
             pass
         except Exception as error:
             self._faults.report("a sink has failed", f"{self.label}: {error}")
-        with self._come:
-            self.ended = True
-            self._dropped += self._in_hand + sum(map(self._counted, self._waiting))
-            self._waiting.clear()
+        self._end()
         try:
             self.sink.close(self._closing or Ending(None, ()))
         except Exception as error:
@@ -199,8 +208,11 @@ class SinkWorker(threading.Thread):
             self.sink.write_raw(item.scans, late=item.late)
         else:
             self.sink.write(item)
-        self._in_hand -= self._counted(item)
-        self._passed += self._counted(item)
+        with self._come:
+            if self.ended:  # counted as lost, because it took too long
+                return
+            self._in_hand -= self._counted(item)
+            self._passed += self._counted(item)
         if isinstance(item, Raw):
             return
         now, arrived_s = time.monotonic(), item.arrived_s
