@@ -201,7 +201,7 @@ def test_a_parquet_file_that_has_no_end_has_no_scans(tmp_path: Path, monkeypatch
     (worker,) = reports[0].workers
     assert (worker.published, worker.dropped) == (0, 140)
     (seen,) = [kind for kind in reports[0].source.faults.counts if kind.startswith("a sink")]
-    assert seen == "a sink cannot be closed"
+    assert seen in ("a sink has failed", "a sink cannot be closed")  # rows are written once they have waited, or at last
     assert {path.suffix for path in tmp_path.iterdir()} == {".part"}
 
 
