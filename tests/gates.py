@@ -27,7 +27,7 @@ MOST_CHARACTERS = 72
 SINCE = "2026-11-22T13:10:00Z"
 """When the redesign began: subjects of older commits are not checked."""
 
-KERNELS = {"kernel", "exact_kernel", "long_kernel", "routine", "inlined", "lean_kernel"}
+KERNELS = {"kernel", "exact_kernel", "long_kernel", "routine", "inlined", "lean_kernel", "vector_kernel"}
 """Decorators of `taxelflow.runtime.compiling`."""
 DEAR = {
     "linalg",

@@ -172,7 +172,7 @@ class Footprint:
         return len(self.t_s)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # to make a frozen one takes longer than all of its arrays, in each scan
 class Estimates:
     """Results of an estimator per scan and pad, in each pad's frame; NaN where unknown.
 

@@ -44,11 +44,12 @@ _PIPELINES = "taxelflow.runtime.pipeline"
 _KERNEL: dict[str, Any] = {}
 _ROUTINE: dict[str, Any] = {}
 _LEAN: dict[str, Any] = {}
+_VECTOR: dict[str, Any] = {}
 if numba.__version__.startswith(_TESTED):
-    from taxelflow.runtime.pipeline import KernelCompiler, LeanCompiler, RoutineCompiler
+    from taxelflow.runtime.pipeline import KernelCompiler, LeanCompiler, RoutineCompiler, VectorCompiler
 
     _KERNEL["pipeline_class"], _ROUTINE["pipeline_class"] = KernelCompiler, RoutineCompiler
-    _LEAN["pipeline_class"] = LeanCompiler
+    _LEAN["pipeline_class"], _VECTOR["pipeline_class"] = LeanCompiler, VectorCompiler
 _ROUTINE |= {"nogil": True, "no_cfunc_wrapper": True, **_OPTIONS}
 _config: Any = numba.config
 KERNELS: list[Any] = []
@@ -90,6 +91,11 @@ def inlined(function: Kernel) -> Kernel:
 def lean_kernel(function: Kernel) -> Kernel:
     """A `routine` that makes no array, and so counts no references: for work of less than the microsecond they take."""
     return _routine(function, _ROUTINE | _LEAN)
+
+
+def vector_kernel(function: Kernel) -> Kernel:
+    """A `lean_kernel` whose loops go several taxels at once, see `vectors`: no turn reads what another one writes."""
+    return _routine(function, _ROUTINE | _VECTOR)
 
 
 def _routine(function: Kernel, options: dict[str, Any]) -> Kernel:

@@ -25,6 +25,7 @@ from numba.core.types import Function
 from numba.core.untyped_passes import FixupArgs, GenericRewrites, ReconstructSSA, TranslateByteCode
 
 from taxelflow.runtime.lowering import KernelLower, is_builtin
+from taxelflow.runtime.vectors import VectorLower
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -193,3 +194,17 @@ class LeanCompiler(RoutineCompiler):
         *_, flags, _locals = arguments
         flags.nrt = False
         super().__init__(*arguments)
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _VectorLowering(_RoutineLowering):
+    """Lowering by `VectorLower`."""
+
+    _name = "vector_lowering"
+    lowering_class = VectorLower
+
+
+class VectorCompiler(LeanCompiler):
+    """The passes of a routine that makes no array, and whose loops are vectorised."""
+
+    lowering = _VectorLowering

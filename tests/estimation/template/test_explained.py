@@ -22,7 +22,7 @@ from estimation.template.test_residual_process import (
 )
 from rigged import rigged
 from synthetic import dome, grid_sensor, recorded
-from taxelflow.estimation.template.linearization import pack_scan
+from taxelflow.estimation.template.linearization import Frame, Packed, frame_of, look_up, pack_scan
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits, unexplained, unexplained_and_doubted
 from taxelflow.estimation.template.online.hand import PadScan
@@ -52,8 +52,16 @@ def compared(
 ) -> tuple[float, Floats]:
     """What is left, and where the pattern has its centre (2,)."""
     centre = np.zeros(2)
-    taxels = pack_scan(PLACES, WHOLE, reading, variance, ceiling, ERROR)
-    return unexplained(SURFACE, taxels, ERROR, state, centre), centre
+    frame, taxels = looked_up(reading, state, variance, ceiling)
+    return unexplained(frame, taxels, ERROR, centre), centre
+
+
+def looked_up(
+    reading: Floats, state: Floats, variance: Floats = VARIANCE, ceiling: Floats = NEVER
+) -> tuple[Frame, Packed]:
+    frame, taxels = frame_of(LATTICE, state), pack_scan(PLACES, WHOLE, reading, variance, ceiling, ERROR)
+    look_up(SURFACE, frame, taxels)
+    return frame, taxels
 
 
 def test_a_pattern_has_its_centre_where_what_taxels_read_of_it_has() -> None:
@@ -105,9 +113,9 @@ def test_what_the_sensor_may_have_unseen_is_no_misfit(share: float, strange: boo
     """Chi-square of the readings in the contact, with the sensor's error in their variance: silent taxels add none."""
     level, unseen = float(values().max()), 0.05 * float(values().max())
     reading = values() * np.where(np.arange(TAXELS) % 2, 1.0 + share, 1.0 - share)
-    taxels = pack_scan(PLACES, WHOLE, reading, VARIANCE, NEVER, ERROR)
+    frame, taxels = looked_up(reading, STATE_0)
     more, least = unseen**2 - ERROR**2, LOADED.skirt * level
-    _, chi, count = unexplained_and_doubted(SURFACE, taxels, ERROR, more, least, STATE_0, np.zeros(2), np.zeros((5, 5)))
+    _, chi, count = unexplained_and_doubted(frame, taxels, ERROR, more, least, np.zeros(2), np.zeros((5, 5)))
     loaded = np.maximum(reading, values()) > least
     assert count == loaded.sum() < TAXELS
     np.testing.assert_allclose(chi, np.sum((reading - values())[loaded] ** 2 / (VARIANCE[loaded] + unseen**2)))

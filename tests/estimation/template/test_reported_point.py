@@ -14,7 +14,7 @@ from estimation.template.test_taxel_gains import sliding
 from synthetic import grid_sensor
 from taxelflow.estimation.template.centre_of_pressure import Anchor
 from taxelflow.estimation.template.online import map_update
-from taxelflow.estimation.template.online.hand import Scan, hand_of, room_for, rows_of
+from taxelflow.estimation.template.online.hand import Scan, hand_of, room_for
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.map_update import learn
 from taxelflow.estimation.template.online.mapping_thread import Workers
@@ -112,6 +112,6 @@ def test_a_faint_map_learns_from_a_loud_scan_only_where_it_surely_is(probation: 
     m.keyframes, m.probation, m.usual, m.count, m.radius = 10, probation, 1.0, 20.0, 1.0
     m.state[3] = 2.0 * FAINT
     m.doubted[:] = m.step[:] = 1e4 * np.eye(5)
-    rows = rows_of(room_for(no_scans(layout.entries, 1, 1)))
+    rows = room_for(no_scans(layout.entries, 1, 1))
     compiled(report)(0.0, 0, 0, 0.003, 0.05, m, hand_of(layout).room, rows)
     assert m.flag == flag

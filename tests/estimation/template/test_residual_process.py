@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
-from taxelflow.estimation.template.linearization import pack_scan
+from taxelflow.estimation.template.linearization import Packed, frame_of, look_up, pack_scan
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.hand import PadScan
 from taxelflow.estimation.template.online.residual_process import decay, predict, update
@@ -61,7 +61,7 @@ def track() -> Records:
 @njit
 def kept(
     surface: Surface,
-    taxels: Floats,
+    taxels: Packed,
     error: float,
     registered: float,
     still: bool,
@@ -69,8 +69,9 @@ def kept(
     rest: Floats,
     tracks: Records,
 ) -> float:
-    room = np.empty((2, TAXELS))
-    return update(surface, taxels, error, registered, still, brought, rest, np.zeros(STATE), room, tracks[0])
+    frame, right = frame_of(surface.lattice, tracks[0].state), np.empty(STATE)
+    look_up(surface, frame, taxels)
+    return update(frame, taxels, error, registered, still, brought, rest, np.zeros(STATE), right, tracks[0])
 
 
 def carried(readings: Floats, *, still: bool = False, ceiling: Floats = NEVER) -> tuple[Floats, Floats, list[float]]:

@@ -16,26 +16,27 @@ from taxelflow.numerics.bspline import STATE, State, by_state, put, state_of, va
 from taxelflow.numerics.robust import OUTLIER
 from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.small_linalg import put_lower
-from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
+from taxelflow.runtime.compiling import inlined, kernel, lean_kernel, vector_kernel
 
 _LANES = 8
 """Taxels are padded to a multiple of this, so that loops over them are vectorised."""
 
 
-class Packed(NamedTuple):
-    """A scan as a structure of arrays for `linearise`, (taxels,) each.
+X, Y, COS, SIN, READING, VARIANCE, CEILING, Q, QU, QW, DOUBT = range(11)
+"""Rows of a packed scan. Place, less the object's motion within the scan until the taxel is read; cosine and sine of
+the rotation until then; the reading, its variance by noise and model error, and its ceiling; what `look_up` fills in.
+"""
+PACKED = DOUBT + 1
+"""Their number."""
 
-    x, y: place, less the object's motion within the scan until the taxel is read. cos, sin: of the rotation until
-    then. reading. variance: of noise and model error. ceiling.
+
+class Packed(NamedTuple):
+    """A scan as a structure of arrays for `linearise`. rows: (`PACKED`, taxels), those of the pad or more, all in one
+    array, because calls take time for each. lanes: taxels of the pad in whole vector registers.
     """
 
-    x: Floats
-    y: Floats
-    cos: Floats
-    sin: Floats
-    reading: Floats
-    variance: Floats
-    ceiling: Floats
+    rows: Floats
+    lanes: int
 
 
 @kernel
@@ -44,8 +45,8 @@ def pack_scan(places: Floats, bend: Floats, reading: Floats, variance: Floats, c
 
     error: standard deviation of the model error of each reading.
     """
-    rows = np.empty((7, lanes_for(len(reading))))  # one allocation, to save time
-    taxels = Packed(rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6])
+    lanes = lanes_for(len(reading))
+    taxels = Packed(np.empty((PACKED, lanes)), lanes)
     pack_places(places, bend, len(reading), taxels)
     pack_readings(reading, variance, ceiling, error, taxels)
     return taxels
@@ -57,55 +58,71 @@ def lanes_for(taxels: int) -> int:
     return (taxels + _LANES - 1) // _LANES * _LANES
 
 
-@lean_kernel
+@vector_kernel
 def pack_places(places: Floats, bend: Floats, count: int, taxels: Packed) -> None:
     """Fill in the places of this many taxels. Arguments as for `pack_scan`."""
-    for i in range(len(taxels.x)):
-        here = i < count
-        taxels.x[i], taxels.y[i] = places[0, i] if here else 0.0, places[1, i] if here else 0.0
-        taxels.cos[i], taxels.sin[i] = 1.0, 0.0
+    rows = taxels.rows
+    for i in range(count):
+        rows[X, i], rows[Y, i], rows[COS, i], rows[SIN, i] = places[0, i], places[1, i], 1.0, 0.0
+    for i in range(count, taxels.lanes):
+        rows[X, i], rows[Y, i], rows[COS, i], rows[SIN, i] = 0.0, 0.0, 1.0, 0.0
     for i in range(bend.shape[1]):
-        taxels.x[i] -= bend[0, i]
-        taxels.y[i] -= bend[1, i]
-        taxels.cos[i], taxels.sin[i] = np.cos(bend[2, i]), np.sin(bend[2, i])
+        rows[X, i] -= bend[0, i]
+        rows[Y, i] -= bend[1, i]
+        rows[COS, i], rows[SIN, i] = np.cos(bend[2, i]), np.sin(bend[2, i])
 
 
-@lean_kernel
+@vector_kernel
 def pack_readings(reading: Floats, variance: Floats, ceiling: Floats, error: float, taxels: Packed) -> None:
     """Fill in the readings. Arguments as for `pack_scan`."""
-    count = len(reading)
+    rows, count = taxels.rows, len(reading)
     for i in range(count):
-        taxels.reading[i], taxels.ceiling[i] = reading[i], ceiling[i]
-        taxels.variance[i] = variance[i] + error * error if variance[i] != 0.0 else 0.0
-    for i in range(count, len(taxels.x)):
-        taxels.reading[i] = taxels.ceiling[i] = taxels.variance[i] = 0.0
+        rows[READING, i], rows[CEILING, i] = reading[i], ceiling[i]
+        rows[VARIANCE, i] = variance[i] + error * error if variance[i] != 0.0 else 0.0
+    for i in range(count, taxels.lanes):
+        rows[READING, i] = rows[CEILING, i] = rows[VARIANCE, i] = 0.0
 
 
 @inlined
-def pressure_at(c: Floats, x: float, y: float) -> tuple[float, float, float]:
+def _pressure_at(c: Floats, x: float, y: float) -> tuple[float, float, float]:
     """`value_at`, but 0 where the spline is below 0, as noise may make it: pressure is not negative."""
     q, qu, qw = value_at(c, x, y)
     pulls = q < 0.0
     return 0.0 if pulls else q, 0.0 if pulls else qu, 0.0 if pulls else qw
 
 
+class Frame(NamedTuple):
+    """A pattern at a state: x, y and gain; cosine and sine of theta, in knots per pitch; place of knot (0, 0) in knots.
+
+    It is found once for all loops over the taxels: exponential, cosine and sine take as long as six taxels.
+    """
+
+    x: float
+    y: float
+    gain: float
+    cos: float
+    sin: float
+    left: float
+    low: float
+
+
 @inlined
-def frame_of(lattice: Floats, state: Floats) -> tuple[float, float, float, float, float, float, float]:
-    """Of a state (5,): x, y, gain; cosine and sine of theta, in knots per pitch; place of knot (0, 0), in knots."""
+def frame_of(lattice: Floats, state: Floats) -> Frame:
+    """A pattern with this lattice at a state (5,)."""
     h, left, low = lattice
     x, y, theta, gain, size = state_of(state)
     scale = np.exp(-size) / h
-    return x, y, gain, scale * np.cos(theta), scale * np.sin(theta), left / h, low / h
+    return Frame(x, y, gain, scale * np.cos(theta), scale * np.sin(theta), left / h, low / h)
 
 
 @inlined
-def turned(taxels: Packed, i: int, cos: float, sin: float) -> tuple[float, float]:
+def turned(rows: Floats, i: int, cos: float, sin: float) -> tuple[float, float]:
     """Cosine and sine of the object's angle when a taxel is read, from those of the scan."""
-    return cos * taxels.cos[i] - sin * taxels.sin[i], sin * taxels.cos[i] + cos * taxels.sin[i]
+    return cos * rows[COS, i] - sin * rows[SIN, i], sin * rows[COS, i] + cos * rows[SIN, i]
 
 
 @inlined
-def nearest(grid: Floats, x: float, y: float) -> float:
+def _nearest(grid: Floats, x: float, y: float) -> float:
     """Value of grid (ny, nx) at the knot nearest to a place counted in knots, which lies on the lattice."""
     value: float = grid[np.uint64(int(y + 0.5)), np.uint64(int(x + 0.5))]
     return value
@@ -120,7 +137,7 @@ def _log_inverse(share: float) -> float:
 
 
 @lean_kernel
-def linearise(  # noqa: PLR0915  one loop, as vector registers need it
+def linearise(
     surface: Surface, taxels: Packed, huber: float, state: Floats, normal: Floats, right: Floats
 ) -> tuple[float, float, int]:
     """Fill normal (5, 5), its lower half, with J^T W J, right (5,) with J^T W (y - model) at a state (5,).
@@ -128,26 +145,53 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
     taxels: from `pack_scan`. Others, and what is returned, as for `register`, but without the prior. The cost ranks
     states; W holds the doubt even where it is not what explains a reading.
     """
-    c, doubt = surface.c, surface.doubt
-    x, y, gain, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
+    frame = frame_of(surface.lattice, state)
+    look_up(surface, frame, taxels)
+    return sum_up(frame, taxels, huber, normal, right)
+
+
+@vector_kernel
+def look_up(surface: Surface, frame: Frame, taxels: Packed) -> None:
+    """Fill in the pattern's pressure q at each taxel, NaN off the lattice, its slopes along the pattern's axes, and its
+    variance.
+
+    What is made of these is a loop of its own, for what is looked up at one state is used up to three times.
+    """
+    c, doubt, rows = surface.c, surface.doubt, taxels.rows
+    x, y, _, cos_0, sin_0, left, low = frame
     certain = len(doubt) == 0
+    for i in range(taxels.lanes):
+        cos, sin = turned(rows, i, cos_0, sin_0)
+        dx, dy = rows[X, i] - x, rows[Y, i] - y
+        u, w = cos * dx + sin * dy - left, cos * dy - sin * dx - low
+        q, qu, qw = _pressure_at(c, u, w)
+        rows[Q, i], rows[QU, i], rows[QW, i] = q, qu, qw
+        rows[DOUBT, i] = 0.0 if certain or np.isnan(q) else _nearest(doubt, u, w)
+
+
+@vector_kernel
+def sum_up(  # noqa: PLR0915  one loop, as vector registers need it
+    frame: Frame, taxels: Packed, huber: float, normal: Floats, right: Floats
+) -> tuple[float, float, int]:
+    """`linearise` of taxels that were looked up at the state of this frame."""
+    rows = taxels.rows
+    x, y, gain, cos_0, sin_0, _, _ = frame
     cost = chi = used = 0.0
     xx = xy = yy = xg = yg = gg = xr = yr = gr = 0.0
     tx = ty = tg = tt = tr = sx = sy = sg = st = ss = sr = 0.0
-    for i in range(len(taxels.x)):
-        cos, sin = turned(taxels, i, cos_0, sin_0)
-        dx, dy = taxels.x[i] - x, taxels.y[i] - y
+    for i in range(taxels.lanes):
+        cos, sin = turned(rows, i, cos_0, sin_0)
+        dx, dy = rows[X, i] - x, rows[Y, i] - y
         u, w = cos * dx + sin * dy, cos * dy - sin * dx
-        q, qu, qw = pressure_at(c, u - left, w - low)
-        reading, variance = taxels.reading[i], taxels.variance[i]
+        q, qu, qw = rows[Q, i], rows[QU, i], rows[QW, i]
+        reading, variance = rows[READING, i], rows[VARIANCE, i]
         known, live = not np.isnan(q), variance != 0.0
         model = gain * q if known else 0.0
         residual = reading - model
         firm = 1.0 / (variance if live else 1.0)
-        doubtful = gain * gain * nearest(doubt, u - left, w - low) if known and not certain else 0.0
-        weight = firm / (1.0 + firm * doubtful)
+        weight = firm / (1.0 + firm * (gain * gain * rows[DOUBT, i]))
         clipped = reading == 0.0 and model <= 0.0  # the sensor clips there
-        above = reading >= taxels.ceiling[i] and residual < 0.0
+        above = reading >= rows[CEILING, i] and residual < 0.0
         speaks = live and not clipped and not above
         fits = speaks and known
         z2 = residual * residual * weight
@@ -186,15 +230,3 @@ def linearise(  # noqa: PLR0915  one loop, as vector registers need it
     put_lower((xx, xy, yy, tx, ty, tt, xg, yg, tg, gg, sx, sy, st, sg, ss), normal, STATE)
     put(State(xr, yr, tr, gr, sr), right)
     return cost, chi, int(used)
-
-
-@lean_kernel
-def look_up(surface: Surface, taxels: Packed, state: Floats, out: Floats) -> None:
-    """Fill out (2, n) with q at the first n taxels, NaN off the lattice, and its variance."""
-    x, y, _, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
-    for i in range(out.shape[1]):
-        cos, sin = turned(taxels, i, cos_0, sin_0)
-        dx, dy = taxels.x[i] - x, taxels.y[i] - y
-        u, w = cos * dx + sin * dy - left, cos * dy - sin * dx - low
-        out[0, i] = pressure_at(surface.c, u, w)[0]
-        out[1, i] = 0.0 if np.isnan(out[0, i]) else nearest(surface.doubt, u, w)

@@ -10,15 +10,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import Packed, frame_of, nearest, pressure_at, turned
-from taxelflow.estimation.template.map import Surface
+from taxelflow.estimation.template.linearization import (
+    CEILING,
+    DOUBT,
+    QU,
+    QW,
+    READING,
+    VARIANCE,
+    Frame,
+    Packed,
+    Q,
+    X,
+    Y,
+    turned,
+)
 from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, by_state
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.small_linalg import put_lower
-from taxelflow.runtime.compiling import inlined, lean_kernel
+from taxelflow.runtime.compiling import inlined, lean_kernel, vector_kernel
 
 
 class _Unexplained(NamedTuple):
@@ -35,24 +47,23 @@ class _Unexplained(NamedTuple):
 UNEXPLAINED = _Unexplained()
 
 
-@lean_kernel
-def unexplained(surface: Surface, taxels: Packed, error: float, state: Floats, centre: Floats) -> float:
-    """Share of the readings' power that a map leaves at a state (5,), beyond noise.
+@vector_kernel
+def unexplained(frame: Frame, taxels: Packed, error: float, centre: Floats) -> float:
+    """Share of the readings' power that a map leaves, beyond noise.
 
-    taxels: from `linearization.pack_scan`, with the model error in their variance. centre: (2,), filled with the centre
-    of the pressure that the map predicts; the state's place if it predicts none.
+    taxels: looked up in this frame, with the model error in their variance. centre: (2,), filled with the centre of the
+    pressure that the map predicts; the frame's place if it predicts none.
     """
-    x, y, gain, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
+    rows = taxels.rows
+    x, y, gain = frame.x, frame.y, frame.gain
     remains = whole = total = mx = my = 0.0
-    for i in range(len(taxels.x)):  # without a branch, as vector registers need it
-        cos, sin = turned(taxels, i, cos_0, sin_0)
-        dx, dy = taxels.x[i] - x, taxels.y[i] - y
-        q, _, _ = pressure_at(surface.c, cos * dx + sin * dy - left, cos * dy - sin * dx - low)
-        reading, variance = taxels.reading[i], taxels.variance[i]
+    for i in range(taxels.lanes):  # without a branch, as vector registers need it
+        dx, dy, q = rows[X, i] - x, rows[Y, i] - y, rows[Q, i]
+        reading, variance = rows[READING, i], rows[VARIANCE, i]
         model, live = 0.0 if np.isnan(q) else gain * q, variance != 0.0
         shown = model if live else 0.0
         total, mx, my = total + shown, mx + shown * dx, my + shown * dy
-        remains += _left(reading - model, reading, variance, taxels.ceiling[i], error)
+        remains += _left(reading - model, reading, variance, rows[CEILING, i], error)
         whole += reading * reading if live else 0.0
     _put_mean(x, y, mx, my, total, centre)
     return float(remains / whole) if whole > 0.0 else 0.0
@@ -74,45 +85,43 @@ def _put_mean(x: float, y: float, mx: float, my: float, total: float, centre: Fl
         centre[0], centre[1] = x + mx / total, y + my / total
 
 
-@lean_kernel
+@vector_kernel
 def unexplained_and_doubted(
-    surface: Surface,
+    frame: Frame,
     taxels: Packed,
     error: float,
     more: float,
     least: float,
-    state: Floats,
     centre: Floats,
     normal: Floats,
 ) -> tuple[float, float, float]:
     """`unexplained`; and normal (5, 5) as `linearise` fills it without robust weights, each variance larger by `more`.
 
     Also chi-square with these variances over the readings in the contact, those above `least` as read or as predicted,
-    and their number. All at once, because evaluating the map takes most of the time.
+    and their number.
     """
-    c, doubt = surface.c, surface.doubt
-    x, y, gain, cos_0, sin_0, left, low = frame_of(surface.lattice, state)
+    rows = taxels.rows
+    x, y, gain, cos_0, sin_0, _, _ = frame
     remains = whole = total = mx = my = chi = count = 0.0
     xx = xy = yy = xg = yg = gg = tx = ty = tg = tt = sx = sy = sg = st = ss = 0.0
-    for i in range(len(taxels.x)):
-        cos, sin = turned(taxels, i, cos_0, sin_0)
-        dx, dy = taxels.x[i] - x, taxels.y[i] - y
+    for i in range(taxels.lanes):
+        cos, sin = turned(rows, i, cos_0, sin_0)
+        dx, dy = rows[X, i] - x, rows[Y, i] - y
         u, w = cos * dx + sin * dy, cos * dy - sin * dx
-        q, qu, qw = pressure_at(c, u - left, w - low)
-        reading, variance = taxels.reading[i], taxels.variance[i]
+        q, qu, qw = rows[Q, i], rows[QU, i], rows[QW, i]
+        reading, variance = rows[READING, i], rows[VARIANCE, i]
         known, live = not np.isnan(q), variance != 0.0
         model = gain * q if known else 0.0
         off = reading - model
         shown = model if live else 0.0
         total, mx, my = total + shown, mx + shown * dx, my + shown * dy
-        remains += _left(off, reading, variance, taxels.ceiling[i], error)
+        remains += _left(off, reading, variance, rows[CEILING, i], error)
         whole += reading * reading if live else 0.0
-        doubtful = gain * gain * nearest(doubt, u - left, w - low) if known else 0.0
         clipped = reading == 0.0 and model <= 0.0  # the sensor clips there
-        above = reading >= taxels.ceiling[i] and off < 0.0
+        above = reading >= rows[CEILING, i] and off < 0.0
         fit = live and known and not clipped and not above
         firm = 1.0 / (variance + more)
-        weight = firm / (1.0 + firm * doubtful) if fit else 0.0
+        weight = firm / (1.0 + firm * (gain * gain * rows[DOUBT, i])) if fit else 0.0
         loaded = live and not clipped and not above and max(reading, model) > least
         chi += off * off * (weight if known else firm) if loaded else 0.0
         count += 1.0 if loaded else 0.0

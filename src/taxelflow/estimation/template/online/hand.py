@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taxelflow.estimation.template.levenberg_marquardt import ROOM
-from taxelflow.estimation.template.linearization import lanes_for
+from taxelflow.estimation.template.linearization import PACKED, lanes_for
 from taxelflow.estimation.template.observations import delays_of
 from taxelflow.messages import Bools, Estimates, Floats
 from taxelflow.numerics.bspline import STATE
@@ -21,8 +20,8 @@ if TYPE_CHECKING:
 
 
 class Room(NamedTuple):
-    """To work in, for one pad at a time; made once, because memory takes time. lanes: (18, taxels of the largest pad in
-    whole vector registers); states: (19, 5); squares: (2, 3, 3).
+    """To work in, for one pad at a time; made once, because memory takes time. lanes: (`PACKED` + 6, taxels of the
+    largest pad in whole vector registers); states: (19, 5); squares: (2, 3, 3).
     """
 
     lanes: Floats
@@ -83,20 +82,22 @@ class Patterns(NamedTuple):
     rests: Floats
 
 
+POSE, STEP = range(2)
+SPAN, LAG, DISTURBANCE = range(3)
+"""Parts of rows."""
+
+
 class Rows(NamedTuple):
-    """What the stream gives out, (scans, pads, ...), see `messages.Estimates`."""
+    """What the stream gives out, see `messages.Estimates`, in few arrays, for a kernel's call takes time for each.
 
-    pose: Floats
-    covariance: Floats
-    displacement: Floats
-    displacement_covariance: Floats
-    span_s: Floats
-    lag_s: Floats
-    disturbance: Floats
+    vectors: (2, scans, pads, 3), pose and displacement. matrices: (2, scans, pads, 3, 3), their covariances. scalars:
+    (3, scans, pads), span, lag and disturbance. quality: (scans, pads).
+    """
+
+    vectors: Floats
+    matrices: Floats
+    scalars: Floats
     quality: NDArray[np.uint8]
-
-
-_ROWS = attrgetter(*Rows._fields)
 
 
 def hand_of(layout: Layout) -> Hand:
@@ -110,7 +111,7 @@ def hand_of(layout: Layout) -> Hand:
         places[pad, :, : here.shape[1]], sides[pad, :, : here.shape[1]] = here, open_sides(here)
     late, lead_s = delays_of(layout)
     edge: Bools = np.asarray(layout.border.any(axis=1), dtype=np.bool_)
-    room = Room(np.zeros((18, lanes_for(most))), np.zeros((10 + ROOM, STATE)), np.zeros((2, 3, 3)))
+    room = Room(np.zeros((PACKED + 6, lanes_for(most))), np.zeros((10 + ROOM, STATE)), np.zeros((2, 3, 3)))
     delay = late if late.any() else np.zeros(0)
     return Hand(places, delay, edge, sides, layout.starts, pitch_m, lead_s, layout.unseen_error, room)
 
@@ -121,23 +122,23 @@ def places_of(hand: Hand, pad: int) -> Floats:
     return np.ascontiguousarray(hand.places[pad, :, :count])
 
 
-def rows_of(estimates: Estimates) -> Rows:
-    """Estimates as kernels fill them in."""
-    return Rows(*_ROWS(estimates))
-
-
-def room_for(scans: Scans) -> Estimates:
-    """Estimates to be filled in, row by row."""
+def room_for(scans: Scans) -> Rows:
+    """Rows to be filled in."""
     shape = scans.contact.shape
-    vectors, matrices = (*shape, 3), (*shape, 3, 3)
+    return Rows(np.empty((2, *shape, 3)), np.empty((2, *shape, 3, 3)), np.empty((3, *shape)), np.empty(shape, np.uint8))
+
+
+def estimates_of(t_s: Floats, rows: Rows) -> Estimates:
+    """Estimates that share the memory of rows. t_s: (scans,)."""
+    vectors, matrices, scalars, quality = rows
     return Estimates(
-        t_s=scans.t_s,
-        displacement=np.empty(vectors),
-        pose=np.empty(vectors),
-        covariance=np.empty(matrices),
-        displacement_covariance=np.empty(matrices),
-        span_s=np.empty(shape),
-        lag_s=np.empty(shape),
-        disturbance=np.empty(shape),
-        quality=np.empty(shape, np.uint8),
+        t_s=t_s,
+        displacement=vectors[STEP],
+        pose=vectors[POSE],
+        covariance=matrices[POSE],
+        displacement_covariance=matrices[STEP],
+        span_s=scalars[SPAN],
+        lag_s=scalars[LAG],
+        disturbance=scalars[DISTURBANCE],
+        quality=quality,
     )

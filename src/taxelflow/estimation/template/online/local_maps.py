@@ -18,7 +18,6 @@ from taxelflow.estimation.template.online.hand import (
     hand_of,
     places_of,
     room_for,
-    rows_of,
 )
 from taxelflow.estimation.template.online.hand_gains import HandGains
 from taxelflow.estimation.template.online.mapping_thread import Candidate, Learner, Workers
@@ -73,7 +72,7 @@ class LocalMaps:
         self.gains = HandGains(layout)
         self._across = np.zeros((pads, 2), dtype=np.bool_)  # of the taxels that are not masked
         self._follow_hand = Settled(follow_hand)
-        self._nothing = rows_of(room_for(no_scans(layout.entries, pads, 1)))
+        self._nothing = room_for(no_scans(layout.entries, pads, 1))
 
     def learn_from(self, pad: int, scan: Scan) -> None:
         """Make a scan a keyframe, and begin to learn from it, unless the pattern was begun with it."""
@@ -219,7 +218,7 @@ class LocalMaps:
     def adopt(self, last: Scan, now_s: float) -> None:
         """Put in what is due; of a live loop a little at a time. last: the scan before."""
         self._last = last
-        due = [own for own in self.learners if own.lane.due_s <= now_s]
+        due = [own for own in self.learners if own.lane.jobs and own.lane.due_s <= now_s]
         if not due:
             return
         most = len(due) if self._waits else most_at_once(len(self.learners), now_s - last.t)

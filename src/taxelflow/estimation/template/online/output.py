@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits
-from taxelflow.estimation.template.online.hand import Room, Rows
+from taxelflow.estimation.template.online.hand import POSE, SPAN, STEP, Room, Rows
 from taxelflow.estimation.template.online.track_state import FAINT, GONE, KEYFRAMES, NOTHING, NOVEL, Track
 from taxelflow.estimation.template.online.witness import (
     add_weighted,
@@ -49,7 +49,7 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
     """Fill one pad's part of row k, and m.flag. scale: of a pitch, m. floor: see `Hand`."""
     centre, noise, weight = room.states[0], room.squares[0], room.squares[1]
     weight[0, 0] = weight[0, 1] = weight[1, 0] = weight[1, 1] = 0.0
-    cov, pose = rows.covariance[k, pad], rows.pose[k, pad]
+    cov, pose = rows.matrices[POSE, k, pad], rows.vectors[POSE, k, pad]
     _invert(m.doubted, scale, cov)
     _invert(m.step, scale, noise)
     arm_x, arm_y = reported_arm(scale, m)
@@ -139,14 +139,14 @@ def _displacement(
 
     Both witnesses' displacements, weighted as they are now: what a change of the weight makes of the pose is no motion.
     """
-    pose, moved = rows.pose[k, pad], 0.0
+    pose, moved = rows.vectors[POSE, k, pad], 0.0
     if m.continues:
-        step, covariance = rows.displacement[k, pad], rows.displacement_covariance[k, pad]
+        step, covariance = rows.vectors[STEP, k, pad], rows.matrices[STEP, k, pad]
         for a in range(3):
             step[a] = pose[a] - m.before[a]
             for b in range(3):
                 covariance[a, b] = noise[a, b] + m.before_covariance[a, b]
-        rows.span_s[k, pad] = t - m.before_t
+        rows.scalars[SPAN, k, pad] = t - m.before_t
         moved = np.hypot(step[0], step[1])
         weigh_step(step, covariance, centre, m.before_centre, weight)
     for a in range(3):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, ROOM, Prior, refine_state
-from taxelflow.estimation.template.linearization import Packed, pack_scan
+from taxelflow.estimation.template.linearization import Packed, frame_of, look_up, pack_scan
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, unexplained
 from taxelflow.messages import Floats
@@ -79,7 +79,9 @@ def _best_of(
         cost, chi, count = refine_state(surface, taxels, prior, HUBER, _ITERATIONS, trial, found, room[:ROOM])
         if not (cost < best and count > 0 and chi / max(count, 1) < gate(usual, float(count))):
             continue
-        if unexplained(surface, taxels, error, trial, mean) > UNEXPLAINED.known:
+        frame = frame_of(surface.lattice, trial)
+        look_up(surface, frame, taxels)
+        if unexplained(frame, taxels, error, mean) > UNEXPLAINED.known:
             continue
         best, best_chi, best_count = cost, chi, count
         for a in range(STATE):

@@ -19,15 +19,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import Packed, linearise, look_up
-from taxelflow.estimation.template.map import Surface
+from taxelflow.estimation.template.linearization import CEILING, DOUBT, READING, VARIANCE, Frame, Packed, Q, sum_up
 from taxelflow.estimation.template.online.hand import PadScan
 from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.robust import FITS
 from taxelflow.numerics.small_linalg import mirror
-from taxelflow.runtime.compiling import lean_kernel
+from taxelflow.runtime.compiling import lean_kernel, vector_kernel
 
 
 class _Residual(NamedTuple):
@@ -43,7 +42,7 @@ class _Residual(NamedTuple):
 _RESIDUAL = _Residual()
 
 
-@lean_kernel
+@vector_kernel
 def predict(span: float, moved: float, rest: Floats, scan: PadScan, out: Floats) -> None:
     """Fill out (3, taxels) with a scan's reading, variance and ceiling, less the predicted residual.
 
@@ -53,9 +52,8 @@ def predict(span: float, moved: float, rest: Floats, scan: PadScan, out: Floats)
     a = decay(span, moved)
     for i in range(rest.shape[1]):
         out[0, i] = scan.reading[i] - a * rest[0, i]
-        out[1, i] = scan.variance[i]
-        if scan.variance[i] > 0.0:
-            out[1, i] += a * a * rest[1, i] + (1.0 - a * a) * rest[2, i]
+        more = a * a * rest[1, i] + (1.0 - a * a) * rest[2, i]
+        out[1, i] = scan.variance[i] + (more if scan.variance[i] > 0.0 else 0.0)
         out[2, i] = scan.ceiling[i] - a * rest[0, i]
 
 
@@ -67,7 +65,7 @@ def decay(span: float, moved: float) -> float:
 
 @lean_kernel
 def update(
-    surface: Surface,
+    frame: Frame,
     taxels: Packed,
     error: float,
     registered: float,
@@ -75,18 +73,17 @@ def update(
     brought: Floats,
     rest: Floats,
     precision: Floats,
-    room: Floats,
+    right: Floats,
     m: Track,
 ) -> float:
     """Update rest (3, taxels) by a registered scan; chi-square per reading on the map alone.
 
-    taxels: from `linearization.pack_scan`, with the error in. registered: chi-square per reading after registration,
+    taxels: looked up in the frame of m.state, with the error in. registered: chi-square per reading after registration,
     over the usual. still: whether the map's own error stays, too. brought: (3, taxels), from `predict`, or (3, 0) if
-    the process begins. room: (2, taxels), to work in. m.information becomes that of the pose on the map alone.
+    the process begins. right: (5,), to work in. m.information becomes that of the pose on the map alone.
     """
-    right = room[0, :STATE]  # overwritten by `look_up`
     state, information = m.state, m.information
-    _, chi, seen = linearise(surface, taxels, np.inf, state, information, right)
+    _, chi, seen = sum_up(frame, taxels, np.inf, information, right)
     chi /= max(seen, 1)
     excess, sudden = max(chi - FITS * m.usual, 0.0), max(registered * m.usual - FITS, 0.0)
     for a in range(STATE):
@@ -94,18 +91,16 @@ def update(
             information[a, b] /= 1.0 + excess
         information[a, a] += precision[a]
     mirror(information)
-    count = rest.shape[1]
-    values = room[:, :count]
-    look_up(surface, taxels, state, values)
+    count, rows = rest.shape[1], taxels.rows
     gain, peak = state_of(state).gain, 0.0
     for i in range(count):
-        peak = max(peak, taxels.reading[i])
+        peak = max(peak, rows[READING, i])
     for i in range(count):
-        q, reading = values[0, i], taxels.reading[i]
-        variance = taxels.variance[i] - error * error if taxels.variance[i] > 0.0 else 0.0
+        q, reading = rows[Q, i], rows[READING, i]
+        variance = rows[VARIANCE, i] - error * error if rows[VARIANCE, i] > 0.0 else 0.0
         off = np.isnan(q)
         model = 0.0 if off else gain * q
-        own = error * error + gain * gain * values[1, i]
+        own = error * error + gain * gain * rows[DOUBT, i]
         if off:
             own = max(reading * reading, (_RESIDUAL.beyond * peak) ** 2)
         r = reading - brought[0, i] if brought.shape[1] else 0.0
@@ -123,7 +118,7 @@ def update(
         if brought.shape[1]:
             before = max(brought[1, i] - variance, 0.0) + sudden * brought[1, i]
         share = before / (before + variance)
-        if left < 0.0 and reading >= taxels.ceiling[i]:
+        if left < 0.0 and reading >= rows[CEILING, i]:
             share = 0.0
         rest[0, i] = r + share * (left - r)
         rest[1, i] = (1.0 - share) * before

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits
-from taxelflow.estimation.template.online.hand import Rows, Scan, room_for, rows_of
+from taxelflow.estimation.template.online.hand import POSE, Rows, Scan, estimates_of, room_for
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.mapping_thread import Workers
 from taxelflow.estimation.template.online.prediction import change, expected
@@ -73,8 +73,7 @@ class StreamSession:
 
     def step(self, scans: Scans) -> Estimates:
         """Estimates of all pads; see `EstimatorSession.step`."""
-        estimates = room_for(scans)
-        rows = rows_of(estimates)
+        rows = room_for(scans)
         if scans.noise is not self._noise:
             self._noise, self._squared = scans.noise, scans.noise**2
             live = (scans.noise > 0).tobytes()
@@ -88,7 +87,7 @@ class StreamSession:
             reading = scans.pressure[k]
             scan = Scan(float(scans.t_s[k]), reading, variance, scans.ceiling, reading, scans.contact[k])
             self._scan(k, scan, rows)
-        return estimates
+        return estimates_of(scans.t_s, rows)
 
     def finish(self) -> Estimates:
         """Nothing is held back."""
@@ -130,7 +129,7 @@ class StreamSession:
             self._maps.ended.go_on(busy=self.learning)
         if came == ASKS:
             for pad in np.flatnonzero(self._maps.tracks["flag"]).tolist():
-                self._answer(pad, scan, rows.pose[k, pad, :2], rows.covariance[k, pad])
+                self._answer(pad, scan, rows.vectors[POSE, k, pad, :2], rows.matrices[POSE, k, pad])
 
     def _find_again(self, scan: Scan) -> None:
         """Look for the object all over the pad where a scan does not fit where it was looked for."""
@@ -219,7 +218,7 @@ class StreamSession:
         """Run the kernels on nothing, so that none is compiled within the stream."""
         compile_batch()
         compile_stream()
-        none = rows_of(room_for(no_scans(self._layout.entries, len(self._layout.pads), 1)))
+        none = room_for(no_scans(self._layout.entries, len(self._layout.pads), 1))
         self._maps.run(BOTH, self._last, none)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from taxelflow.estimation.template.online.hand import Hand, Patterns, Rows, Scan
+from taxelflow.estimation.template.online.hand import DISTURBANCE, LAG, SPAN, Hand, Patterns, Rows, Scan
 from taxelflow.estimation.template.online.output import report
 from taxelflow.estimation.template.online.track_state import NOTHING, Track
 from taxelflow.estimation.template.online.tracking import follow
@@ -32,9 +32,10 @@ def follow_hand(job: int, k: int, scan: Scan, hand: Hand, maps: Patterns, tracks
         fits = follow(scan, hand, maps, tracks)
         if job == FOLLOW or not fits:
             return DONE if fits else ELSEWHERE
-    rows.pose[k], rows.displacement[k], rows.covariance[k] = np.nan, np.nan, np.nan
-    rows.displacement_covariance[k], rows.span_s[k], rows.lag_s[k] = np.nan, np.nan, np.nan
-    rows.disturbance[k], rows.quality[k] = np.nan, 0
+    for part in range(2):
+        rows.vectors[part, k], rows.matrices[part, k] = np.nan, np.nan
+    rows.scalars[SPAN, k], rows.scalars[LAG, k], rows.scalars[DISTURBANCE, k] = np.nan, np.nan, np.nan
+    rows.quality[k] = 0
     asks = False
     for pad in range(len(scan.contact)):
         m: Track = tracks[pad]
@@ -43,6 +44,6 @@ def follow_hand(job: int, k: int, scan: Scan, hand: Hand, maps: Patterns, tracks
             m.continues = False
             continue
         report(scan.t, k, pad, hand.pitch_m[pad], hand.floor, m, hand.room, rows)
-        rows.lag_s[k, pad] = -hand.lead_s[pad]
+        rows.scalars[LAG, k, pad] = -hand.lead_s[pad]
         asks = asks or m.flag != NOTHING
     return ASKS if asks else DONE

@@ -7,7 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, MAY_BE_HELD, Prior, refine_state
-from taxelflow.estimation.template.linearization import Packed, lanes_for, pack_places, pack_readings
+from taxelflow.estimation.template.linearization import (
+    PACKED,
+    VARIANCE,
+    Frame,
+    Packed,
+    frame_of,
+    lanes_for,
+    look_up,
+    pack_places,
+    pack_readings,
+)
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits, unexplained, unexplained_and_doubted
 from taxelflow.estimation.template.online.hand import Hand, PadScan, Patterns, Room, Scan
@@ -73,7 +83,7 @@ def _follow_pad(
     """`follow` for one pad. rest: (4, taxels)."""
     count, lanes, states = len(scan.reading), room.lanes, room.states
     last, middle, precision = states[0], states[1], states[2]
-    bend, brought = lanes[10:13, : len(delay)], lanes[13:16]
+    bend, brought = lanes[PACKED : PACKED + 3, : len(delay)], lanes[PACKED + 3 :]
     for a in range(STATE):
         last[a] = m.state[a]
     span = t - m.last_t
@@ -92,16 +102,7 @@ def _follow_pad(
     _bend(m, delay, bend)
     level = _level(scan, m)
     error = m.error * level
-    full = lanes_for(count)
-    taxels = Packed(
-        lanes[0, :full],
-        lanes[1, :full],
-        lanes[2, :full],
-        lanes[3, :full],
-        lanes[4, :full],
-        lanes[5, :full],
-        lanes[6, :full],
-    )
+    taxels = Packed(lanes[:PACKED], lanes_for(count))
     pack_places(scan.places, bend, count, taxels)
     pack_readings(scan.reading, scan.variance, scan.ceiling, error, taxels)
     chi, usual = np.inf, m.usual
@@ -111,23 +112,25 @@ def _follow_pad(
     if m.carries:
         usual = 1.0
         predict(span, _surely_moved(m, span), rest, scan, brought)
-        less = Packed(taxels.x, taxels.y, taxels.cos, taxels.sin, lanes[7, :full], lanes[8, :full], lanes[9, :full])
-        pack_readings(brought[0, :count], brought[1, :count], brought[2, :count], 0.0, less)
+        pack_readings(brought[0, :count], brought[1, :count], brought[2, :count], 0.0, taxels)
         search = Search(states, span, usual, grown_std, False, False)
-        chi = _search(Surface(surface.c, surface.doubt[:0], surface.lattice), less, search, m)
+        chi = _search(Surface(surface.c, surface.doubt[:0], surface.lattice), taxels, search, m)
+        pack_readings(scan.reading, scan.variance, scan.ceiling, error, taxels)
     for a in range(STATE):
         for b in range(STATE):
             m.step[a, b] = m.information[a, b]
     m.chi = chi
+    frame = frame_of(surface.lattice, m.state[:])
+    look_up(surface, frame, taxels)
     rests = is_at_rest(m, span) or m.changing
     for i in range(len(scan.reading)):
         rest[3, i] = scan.reading[i] - brought[0, i] if m.carries else 0.0
     if m.carries or rests or chi > GATE * usual:
         _stiffen(m, m.turns, grown_std if m.grows else 0.0, state_of(precision).gain, precision)
         before = brought[:, : count if m.carries else 0]
-        m.chi = update(surface, taxels, error, chi / usual, rests, before, rest, precision, lanes[16:], m)
+        m.chi = update(frame, taxels, error, chi / usual, rests, before, rest, precision, states[10], m)
         m.carries = rests or m.chi > GATE * m.usual
-    _judge(surface, taxels, error, floor * level, level, precision, m)
+    _judge(frame, taxels, error, floor * level, level, precision, m)
     _add_lag(bend, scan, m)
     find_shift(floor, m)
     update_motion(t, span, last, middle, m)
@@ -145,7 +148,7 @@ def _level(scan: PadScan, m: Track) -> float:
 
 @lean_kernel
 def _judge(
-    surface: Surface, taxels: Packed, error: float, unseen: float, level: float, precision: Floats, m: Track
+    frame: Frame, taxels: Packed, error: float, unseen: float, level: float, precision: Floats, m: Track
 ) -> None:
     """Fill m.unexplained, m.shift, and m.doubted with the information that is left if readings have the error that the
     sensor may have unseen; and m.strange, whether they leave more than that. error, unseen: of a reading, by the
@@ -153,16 +156,14 @@ def _judge(
     """
     m.strange = True
     if unseen <= error:
-        m.unexplained = unexplained(surface, taxels, error, m.state[:], m.shift[:])
+        m.unexplained = unexplained(frame, taxels, error, m.shift[:])
         for a in range(STATE):
             for b in range(STATE):
                 m.doubted[a, b] = m.information[a, b]
         return
     more = unseen * unseen - error * error
-    least, state = LOADED.skirt * level, m.state[:]
-    m.unexplained, chi, count = unexplained_and_doubted(
-        surface, taxels, error, more, least, state, m.shift[:], m.doubted[:]
-    )
+    least = LOADED.skirt * level
+    m.unexplained, chi, count = unexplained_and_doubted(frame, taxels, error, more, least, m.shift[:], m.doubted[:])
     m.strange = chi > gate(1.0, count) * count or m.unexplained > UNEXPLAINED.most
     for part in MAY_BE_HELD:
         if precision[part] >= HELD:
@@ -248,8 +249,8 @@ def _take(state: Floats, information: Floats, m: Track) -> None:
 @lean_kernel
 def _misfit(cost: float, taxels: Packed) -> float:
     """What a cost is above that of readings which fit."""
-    for i in range(len(taxels.variance)):
-        cost -= 1.0 if taxels.variance[i] > 0.0 else 0.0
+    for i in range(taxels.lanes):
+        cost -= 1.0 if taxels.rows[VARIANCE, i] > 0.0 else 0.0
     return max(cost, CHEAPER)
 
 
