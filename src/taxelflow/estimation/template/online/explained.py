@@ -10,20 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import (
-    CEILING,
-    DOUBT,
-    QU,
-    QW,
-    READING,
-    VARIANCE,
-    Frame,
-    Packed,
-    Q,
-    X,
-    Y,
-    turned,
-)
+from taxelflow.estimation.template.linearization import Frame, Packed, rows_of, turned
 from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, by_state
@@ -54,16 +41,16 @@ def unexplained(frame: Frame, taxels: Packed, error: float, centre: Floats) -> f
     taxels: looked up in this frame, with the model error in their variance. centre: (2,), filled with the centre of the
     pressure that the map predicts; the frame's place if it predicts none.
     """
-    rows = taxels.rows
+    rows = rows_of(taxels)
     x, y, gain = frame.x, frame.y, frame.gain
     remains = whole = total = mx = my = 0.0
     for i in range(taxels.lanes):  # without a branch, as vector registers need it
-        dx, dy, q = rows[X, i] - x, rows[Y, i] - y, rows[Q, i]
-        reading, variance = rows[READING, i], rows[VARIANCE, i]
+        dx, dy, q = rows.x[i] - x, rows.y[i] - y, rows.q[i]
+        reading, variance = rows.reading[i], rows.variance[i]
         model, live = 0.0 if np.isnan(q) else gain * q, variance != 0.0
         shown = model if live else 0.0
         total, mx, my = total + shown, mx + shown * dx, my + shown * dy
-        remains += _left(reading - model, reading, variance, rows[CEILING, i], error)
+        remains += _left(reading - model, reading, variance, rows.ceiling[i], error)
         whole += reading * reading if live else 0.0
     _put_mean(x, y, mx, my, total, centre)
     return float(remains / whole) if whole > 0.0 else 0.0
@@ -100,28 +87,28 @@ def unexplained_and_doubted(
     Also chi-square with these variances over the readings in the contact, those above `least` as read or as predicted,
     and their number.
     """
-    rows = taxels.rows
+    rows = rows_of(taxels)
     x, y, gain, cos_0, sin_0, _, _ = frame
     remains = whole = total = mx = my = chi = count = 0.0
     xx = xy = yy = xg = yg = gg = tx = ty = tg = tt = sx = sy = sg = st = ss = 0.0
     for i in range(taxels.lanes):
         cos, sin = turned(rows, i, cos_0, sin_0)
-        dx, dy = rows[X, i] - x, rows[Y, i] - y
+        dx, dy = rows.x[i] - x, rows.y[i] - y
         u, w = cos * dx + sin * dy, cos * dy - sin * dx
-        q, qu, qw = rows[Q, i], rows[QU, i], rows[QW, i]
-        reading, variance = rows[READING, i], rows[VARIANCE, i]
+        q, qu, qw = rows.q[i], rows.qu[i], rows.qw[i]
+        reading, variance = rows.reading[i], rows.variance[i]
         known, live = not np.isnan(q), variance != 0.0
         model = gain * q if known else 0.0
         off = reading - model
         shown = model if live else 0.0
         total, mx, my = total + shown, mx + shown * dx, my + shown * dy
-        remains += _left(off, reading, variance, rows[CEILING, i], error)
+        remains += _left(off, reading, variance, rows.ceiling[i], error)
         whole += reading * reading if live else 0.0
         clipped = reading == 0.0 and model <= 0.0  # the sensor clips there
-        above = reading >= rows[CEILING, i] and off < 0.0
+        above = reading >= rows.ceiling[i] and off < 0.0
         fit = live and known and not clipped and not above
         firm = 1.0 / (variance + more)
-        weight = firm / (1.0 + firm * (gain * gain * rows[DOUBT, i])) if fit else 0.0
+        weight = firm / (1.0 + firm * (gain * gain * rows.doubt[i])) if fit else 0.0
         loaded = live and not clipped and not above and max(reading, model) > least
         chi += off * off * (weight if known else firm) if loaded else 0.0
         count += 1.0 if loaded else 0.0

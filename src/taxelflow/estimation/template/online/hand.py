@@ -130,15 +130,17 @@ def room_for(scans: Scans) -> Rows:
 
 def estimates_of(t_s: Floats, rows: Rows) -> Estimates:
     """Estimates that share the memory of rows. t_s: (scans,)."""
-    vectors, matrices, scalars, quality = rows
+    pose, displacement = rows.vectors
+    covariance, displacement_covariance = rows.matrices
+    span_s, lag_s, disturbance = rows.scalars
     return Estimates(
         t_s=t_s,
-        displacement=vectors[STEP],
-        pose=vectors[POSE],
-        covariance=matrices[POSE],
-        displacement_covariance=matrices[STEP],
-        span_s=scalars[SPAN],
-        lag_s=scalars[LAG],
-        disturbance=scalars[DISTURBANCE],
-        quality=quality,
+        displacement=displacement,
+        pose=pose,
+        covariance=covariance,
+        displacement_covariance=displacement_covariance,
+        span_s=span_s,
+        lag_s=lag_s,
+        disturbance=disturbance,
+        quality=rows.quality,
     )

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.linearization import CEILING, DOUBT, READING, VARIANCE, Frame, Packed, Q, sum_up
+from taxelflow.estimation.template.linearization import Frame, Packed, rows_of, sum_up
 from taxelflow.estimation.template.online.hand import PadScan
 from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.messages import Floats
@@ -91,16 +91,16 @@ def update(
             information[a, b] /= 1.0 + excess
         information[a, a] += precision[a]
     mirror(information)
-    count, rows = rest.shape[1], taxels.rows
+    count, rows = rest.shape[1], rows_of(taxels)
     gain, peak = state_of(state).gain, 0.0
     for i in range(count):
-        peak = max(peak, rows[READING, i])
+        peak = max(peak, rows.reading[i])
     for i in range(count):
-        q, reading = rows[Q, i], rows[READING, i]
-        variance = rows[VARIANCE, i] - error * error if rows[VARIANCE, i] > 0.0 else 0.0
+        q, reading = rows.q[i], rows.reading[i]
+        variance = rows.variance[i] - error * error if rows.variance[i] > 0.0 else 0.0
         off = np.isnan(q)
         model = 0.0 if off else gain * q
-        own = error * error + gain * gain * rows[DOUBT, i]
+        own = error * error + gain * gain * rows.doubt[i]
         if off:
             own = max(reading * reading, (_RESIDUAL.beyond * peak) ** 2)
         r = reading - brought[0, i] if brought.shape[1] else 0.0
@@ -118,7 +118,7 @@ def update(
         if brought.shape[1]:
             before = max(brought[1, i] - variance, 0.0) + sudden * brought[1, i]
         share = before / (before + variance)
-        if left < 0.0 and reading >= rows[CEILING, i]:
+        if left < 0.0 and reading >= rows.ceiling[i]:
             share = 0.0
         rest[0, i] = r + share * (left - r)
         rest[1, i] = (1.0 - share) * before

@@ -9,7 +9,6 @@ import numpy as np
 from taxelflow.estimation.template.levenberg_marquardt import FREE, HELD, MAY_BE_HELD, Prior, refine_state
 from taxelflow.estimation.template.linearization import (
     PACKED,
-    VARIANCE,
     Frame,
     Packed,
     frame_of,
@@ -17,6 +16,7 @@ from taxelflow.estimation.template.linearization import (
     look_up,
     pack_places,
     pack_readings,
+    rows_of,
 )
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits, unexplained, unexplained_and_doubted
@@ -249,8 +249,9 @@ def _take(state: Floats, information: Floats, m: Track) -> None:
 @lean_kernel
 def _misfit(cost: float, taxels: Packed) -> float:
     """What a cost is above that of readings which fit."""
+    variance = rows_of(taxels).variance
     for i in range(taxels.lanes):
-        cost -= 1.0 if taxels.rows[VARIANCE, i] > 0.0 else 0.0
+        cost -= 1.0 if variance[i] > 0.0 else 0.0
     return max(cost, CHEAPER)
 
 
