@@ -22,6 +22,7 @@ qualities that may differ."""
 ITERATING = ("template", "registration", "principal_axis")
 UNDECIDED = frozenset(
     {
+        "bulb-pull/template/batch",
         "bulb-pull/template/stream",
         "feet-lift/template/stream",
         "press/template/stream",
