@@ -1,4 +1,4 @@
-"""Loops that are told to be vectorised: the same values as Python's, and vectors where LLVM would use none."""
+"""Loops marked for LLVM to vectorise: values equal Python's, and the code has vectors where LLVM alone has none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Loops over taxels that LLVM is told to vectorise.
+"""Loops over taxels that are marked for LLVM to vectorise.
 
 LLVM takes gathers to be dear where the processor has no fast instruction for them (AVX2). There it would evaluate a
 pattern taxel by taxel, which takes more than twice as long. And it vectorises no loop that both gathers and stores, for
@@ -34,7 +34,7 @@ class VectorLower(KernelLower):
         super().init()
         add = self.module.add_metadata
         self._group = _Group(self.module, (), str(len(self.module.metadata)))
-        self._told = (
+        self._marks = (
             add([MetaDataString(self.module, "llvm.loop.vectorize.enable"), IntType(1)(1)]),
             add([MetaDataString(self.module, "llvm.loop.parallel_accesses"), self._group]),
         )
@@ -44,8 +44,8 @@ class VectorLower(KernelLower):
         back = isinstance(inst, ir.Jump) and self.blkmap[inst.target].instructions
         super().lower_inst(inst)
         if back:  # a node for this loop alone begins with itself; the number makes it a new one
-            loop = self.module.add_metadata([IntType(64)(len(self.module.metadata)), *self._told])
-            loop.operands = (loop, *self._told)
+            loop = self.module.add_metadata([IntType(64)(len(self.module.metadata)), *self._marks])
+            loop.operands = (loop, *self._marks)
             self.builder.block.terminator.set_metadata("llvm.loop", loop)
 
     def post_lower(self) -> None:

@@ -41,7 +41,7 @@ def prepare(layout: Layout) -> None:
 
 
 class PadNoise:
-    """Median noise of each pad's taxels, computed again only when the noise is estimated anew."""
+    """Median noise of each pad's taxels, computed again only when the estimate of the noise changes."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout, self._of = layout, np.zeros(0)
