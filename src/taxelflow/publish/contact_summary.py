@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from math import hypot, isnan, nan
-from typing import TYPE_CHECKING
+from bisect import bisect_right
+from math import isnan, sqrt
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
@@ -43,8 +43,34 @@ class ContactSummary(msgspec.Struct, frozen=True):
     """Share of its scans that touch a border of the pad, where the paper's methods are biased."""
 
 
+class _SlipSums(NamedTuple):
+    """Over the slips of a contact. All but `slips` and `turn_rad` are of those with a known path: `moved`."""
+
+    slips: int = 0
+    moved: int = 0
+    slip_s: float = 0.0
+    path_m: float = 0.0
+    path_variance_m2: float = 0.0
+    speed_variance_m2: float = 0.0
+    """Of the speeds, times the durations."""
+    turn_rad: float = 0.0
+
+    def plus(self, slip: Event) -> _SlipSums:
+        """With one more slip."""
+        sums = self._replace(slips=self.slips + 1, turn_rad=self.turn_rad + slip.turn_rad)
+        if isnan(slip.path_m):
+            return sums
+        return sums._replace(
+            moved=self.moved + 1,
+            slip_s=self.slip_s + slip.duration_s,
+            path_m=self.path_m + slip.path_m,
+            path_variance_m2=self.path_variance_m2 + slip.std_path_m**2,
+            speed_variance_m2=self.speed_variance_m2 + (slip.std_speed_m_s * slip.duration_s) ** 2,
+        )
+
+
 class ContactTotals:
-    """Sums over the blocks of a run, contact by contact."""
+    """Sums over the blocks of a run, contact by contact. Of a slip that has ended only its sums are kept."""
 
     def __init__(self, pads: tuple[str, ...], pitch_m: Floats) -> None:
         count = len(pads)
@@ -55,16 +81,13 @@ class ContactTotals:
         self._counts = np.zeros((count, 5), dtype=np.int64)
         self._net_m = np.zeros((count, 2))
         self._ended: list[ContactSummary] = []
-        self._slips: dict[str, list[Event]] = defaultdict(list)
+        # By pad: when its contacts began, the sums over their slips, and its latest slip, which may go on.
+        self._begun_s: dict[str, list[float]] = {pad: [] for pad in pads}
+        self._sums: dict[str, list[_SlipSums]] = {pad: [] for pad in pads}
+        self._latest: dict[str, Event] = {}
 
     def add(self, slips: Slips, events: list[Event]) -> None:
-        """Count one block in."""
-        for event in events:
-            own = self._slips[event.pad]
-            if event.event == "slip_start":
-                own.append(event)
-            elif event.event == "slip_stop" and own:
-                own[-1] = event
+        """Count one block in. Events belong to its scans or to earlier ones."""
         before = np.concatenate([self._touching[np.newaxis], slips.contact[:-1]])
         edges = np.flatnonzero((before != slips.contact).any(axis=1)).tolist()
         for start, stop in zip([0, *edges], [*edges, len(slips)], strict=True):
@@ -72,19 +95,29 @@ class ContactTotals:
                 continue
             self._change(slips, start)
             self._sum(cut(slips, start, stop))
+        for event in events:
+            if event.event == "slip_start":
+                self._end_slip(event.pad)
+                self._latest[event.pad] = event
+            elif event.event == "slip_stop" and event.pad in self._latest:
+                self._latest[event.pad] = event
 
     def contacts(self) -> list[ContactSummary]:
-        """All contacts in the order of their begin; those that go on end with the last scan."""
+        """All contacts of a whole run in the order of their begin; those that go on end with the last scan."""
         going = [self._contact(pad, self._last_s) for pad in np.flatnonzero(self._touching).tolist()]
-        ordered = sorted([*self._ended, *going], key=lambda one: (one.t_s, self._pads.index(one.pad)))
-        later: dict[str, float] = {}
-        found = []
-        for contact in reversed(ordered):
-            until_s = later.get(contact.pad, np.inf)
-            later[contact.pad] = contact.t_s
-            own = [one for one in self._slips[contact.pad] if contact.t_s <= _start_s(one) < until_s]
-            found.append(_with_slips(contact, own))
-        return found[::-1]
+        for pad in self._pads:
+            self._end_slip(pad)
+        sums = {pad: iter(own) for pad, own in self._sums.items()}
+        found = [_with_slips(contact, next(sums[contact.pad])) for contact in [*self._ended, *going]]
+        return sorted(found, key=lambda one: (one.t_s, self._pads.index(one.pad)))
+
+    def _end_slip(self, pad: str) -> None:
+        """Count the pad's latest slip to the contact that had begun last before it."""
+        if (slip := self._latest.pop(pad, None)) is None:
+            return
+        number = bisect_right(self._begun_s[pad], _start_s(slip)) - 1
+        if number >= 0:
+            self._sums[pad][number] = self._sums[pad][number].plus(slip)
 
     def _change(self, slips: Slips, scan: int) -> None:
         """End and begin contacts in this scan."""
@@ -92,6 +125,9 @@ class ContactTotals:
         for pad in np.flatnonzero(now != self._touching).tolist():
             if self._touching[pad]:
                 self._ended.append(self._contact(pad, t_s))
+            else:
+                self._begun_s[self._pads[pad]].append(t_s)
+                self._sums[self._pads[pad]].append(_SlipSums())
             self._since_s[pad], self._counts[pad], self._net_m[pad] = t_s, 0, 0.0
         self._touching = now
 
@@ -123,19 +159,16 @@ def _start_s(event: Event) -> float:
     return event.onset_s - event.duration_s if event.event == "slip_stop" else event.onset_s
 
 
-def _with_slips(contact: ContactSummary, slips: list[Event]) -> ContactSummary:
+def _with_slips(contact: ContactSummary, sums: _SlipSums) -> ContactSummary:
     """A contact with the sums over its slips."""
-    moved = [slip for slip in slips if not isnan(slip.path_m)]
-    slip_s = sum(slip.duration_s for slip in moved)
-    path_m = sum(slip.path_m for slip in moved)
-    turn_rad = sum(slip.turn_rad for slip in slips) if slips else nan
+    slip_s = sums.slip_s
     return msgspec.structs.replace(
         contact,
-        slips=len(slips),
+        slips=sums.slips,
         slip_s=slip_s,
-        path_m=path_m if len(moved) == len(slips) else None,
-        std_path_m=hypot(*(slip.std_path_m for slip in moved)) if moved else None,
-        speed_m_s=path_m / slip_s if slip_s > 0 else None,
-        std_speed_m_s=hypot(*(slip.std_speed_m_s * slip.duration_s for slip in moved)) / slip_s if slip_s > 0 else None,
-        turn_rad=None if isnan(turn_rad) else turn_rad,
+        path_m=sums.path_m if sums.moved == sums.slips else None,
+        std_path_m=sqrt(sums.path_variance_m2) if sums.moved else None,
+        speed_m_s=sums.path_m / slip_s if slip_s > 0 else None,
+        std_speed_m_s=sqrt(sums.speed_variance_m2) / slip_s if slip_s > 0 else None,
+        turn_rad=sums.turn_rad if sums.slips and not isnan(sums.turn_rad) else None,
     )

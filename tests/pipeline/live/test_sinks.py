@@ -316,6 +316,42 @@ def test_a_scan_that_a_stuck_sink_has_in_hand_is_dropped_once(monkeypatch: pytes
     assert (worker.published, worker.dropped) == (0, 8)
 
 
+class _Gathering(_Stuck):
+    """A file that is stuck when it writes what it has gathered."""
+
+    gathers_s = 0.0
+    unwritten = 0
+
+    def __init__(self) -> None:
+        super().__init__(fails=False)
+        self.came = threading.Event()
+
+    def write_raw(self, scans: Any, *, late: bool) -> None:
+        self.unwritten += len(scans)
+
+    def tick(self) -> None:
+        if self.unwritten:
+            self.came.set()
+            self.free.wait()
+            self.unwritten = 0
+
+
+def test_what_a_stuck_file_has_gathered_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "_QUEUE", replace(workers._QUEUE, grace_s=0.01))
+    sink = _Gathering()
+    monkeypatch.setattr(sink, "hurry", lambda: None)
+    worker = SinkWorker("a", sink, Faults())
+    worker.start()
+    worker.offer(Raw(slid(5)))
+    worker.wake()
+    assert sink.came.wait(20)
+    worker.offer(Raw(slid(1)))
+    worker.finish(Ending(None, ()))
+    assert (worker.published, worker.dropped) == (0, 6)
+    sink.free.set()
+    worker.join(20)
+
+
 class _Lengths(ResultSink):
     """Notes how many scans each update has."""
 

@@ -165,6 +165,7 @@ class _Estimate:
     def __init__(self, live: Live, report: Report, method: str) -> None:
         self._live, self._report, self._method = live, report, method
         self._totals = Totals(live.recording.layout)
+        self._summed = any(getattr(worker.sink, "summed", False) for worker in report.workers)
         self._uncounted: list[Output] = []
         self._arrivals: deque[tuple[float, float]] = deque()
 
@@ -201,7 +202,8 @@ class _Estimate:
                 worker.give_room()
         self._report.latest = update
         self._report.events.extend(output.events)
-        self._uncounted.append(output)
+        if self._summed:  # each contact of a run is kept for its summary
+            self._uncounted.append(output)
         if len(self._uncounted) >= _COUNTED:
             self._count()
         return update.arrived_s

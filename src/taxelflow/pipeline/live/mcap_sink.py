@@ -77,13 +77,13 @@ class McapSink:
 
     def write_raw(self, scans: RawScans, *, late: bool) -> None:
         """See `Sink`."""
-        self._unsure += len(scans)
         if late:
             for t_s, values in zip(scans.t_s.tolist(), scans.values.tolist(), strict=True):
                 self._write_json("/late", t_s, {"t_s": t_s, "values": values})
-            return
-        self._scans.write(scans)
-        if self._drawing is None:
+        else:
+            self._scans.write(scans)
+        self.unwritten += len(scans)
+        if late or self._drawing is None:
             return
         for t_s, values in zip(scans.t_s.tolist(), scans.values, strict=True):
             if 0.0 <= t_s - self._drawn_s < _DRAWN_S:
@@ -129,7 +129,7 @@ class McapSink:
 
     _drawn_s = _arrows_s = float("-inf")
     _flushed_s = float("-inf")
-    _unsure = 0
+    unwritten = 0
     """Scans since the last flush: they stand in chunks, of which a part cannot be read."""
     _lost_bytes = 0
 
@@ -138,8 +138,8 @@ class McapSink:
         self._flushed_s = time.monotonic()
         if self._file.lost > self._lost_bytes:
             self._lost_bytes = self._file.lost
-            self.dropped += self._unsure
-        self._unsure = 0
+            self.dropped += self.unwritten
+        self.unwritten = 0
 
     def _write_json(self, topic: str, t_s: float, content: object) -> None:
         self._add(topic, nanoseconds(t_s), msgspec.json.encode(content))

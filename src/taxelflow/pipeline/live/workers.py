@@ -64,6 +64,7 @@ class SinkWorker(threading.Thread):
         self.ended = False
         self._faults = faults
         self._dropped = 0
+        self._unwritten: int | None = None
         self._waiting: deque[Update | Raw] = deque()
         self._come = threading.Condition()
         self._closing: Ending | None = None
@@ -83,8 +84,9 @@ class SinkWorker(threading.Thread):
         return self._passed - (self._lost() if self.sink.lossless else 0)  # a server counts each client's
 
     def _lost(self) -> int:
-        """Scans passed to a file that it then lost; those in hand are not passed yet."""
-        return min(self.sink.dropped, self._passed)
+        """Scans passed to a file that it then lost, or does not write in time; those in hand are not passed yet."""
+        lost = self.sink.dropped if self._unwritten is None else self._unwritten
+        return min(lost, self._passed)
 
     def offer(self, item: Update | Raw) -> None:
         """Queue it; returns at once. The thread is woken by `wake`, or when much waits."""
@@ -128,7 +130,8 @@ class SinkWorker(threading.Thread):
         self.sink.hurry()
         self.join(_QUEUE.grace_s)
         if self.is_alive():
-            left = self._end()
+            self._unwritten = self.sink.dropped + getattr(self.sink, "unwritten", 0)
+            left = self._end() + self._lost()
             self._faults.report("a sink is stuck", f"{self.label}; {left} scans are lost")
 
     def _end(self) -> int:

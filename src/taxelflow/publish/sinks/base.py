@@ -64,9 +64,11 @@ class Sink(Protocol):
     """A place for results. One thread calls it; it may block without holding up the estimate.
 
     lossless: nothing is dropped for it. raw: it wants scans as they arrived, too. dropped: what it could not pass on.
-    gathers_s: time for which what has come may wait, s, so that more is written at once. One that writes `Update.texts`
-    has an attribute `texts` that is true, and gets results as they came, not joined; one that writes files an attribute
-    `files`: their paths.
+    gathers_s: time for which what has come may wait, s, so that more is written at once.
+
+    Some have more. texts: true for one that writes `Update.texts`, and gets results as they came, not joined. summed:
+    true for one that writes the summary of a run. files: the paths of one that writes files. unwritten: scans given to
+    a file, of which it is not known yet that they can be read from it.
     """
 
     lossless: bool

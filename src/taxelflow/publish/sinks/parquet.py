@@ -31,7 +31,7 @@ class ParquetSink(ResultSink):
     gathers_s = 0.05
 
     def __init__(self, directory: Path) -> None:
-        self._directory, self.dropped = directory, 0
+        self._directory, self.dropped, self.unwritten = directory, 0, 0
         self.files = tuple(directory / f"{name}.parquet" for name in NAMES)
         self._parts = tuple(file.with_name(f"{file.name}.part") for file in self.files)
         self._held: list[Update] = []
@@ -59,7 +59,7 @@ class ParquetSink(ResultSink):
     def write(self, update: Update) -> None:
         """See `Sink`."""
         self._held.append(update)
-        self._given += len(update)
+        self.unwritten += len(update)
 
     def tick(self) -> None:
         """See `Sink`."""
@@ -81,15 +81,13 @@ class ParquetSink(ResultSink):
         finally:
             os.close(self._lock)
 
-    _given = 0
-
     @contextmanager
     def _all_or_nothing(self) -> Iterator[None]:
         """A file that could not be written to its end cannot be read at all."""
         try:
             yield
         except BaseException:
-            self.dropped = self._given
+            self.dropped, self.unwritten = self.unwritten, 0
             raise
 
     def _write(self) -> None:

@@ -24,6 +24,7 @@ class TablesSink(ResultSink):
 
     lossless = True
     gathers_s = 0.05
+    summed = True
 
     def __init__(self, directory: Path) -> None:
         self._directory, self.dropped = directory, 0
