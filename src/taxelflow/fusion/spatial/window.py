@@ -14,6 +14,7 @@ from taxelflow.fusion.reference import UNOBSERVABLE_M_S
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.numerics.se3 import copy_matrix
+from taxelflow.numerics.small_linalg import mirror
 from taxelflow.runtime.compiling import inlined, lean_kernel, routine
 
 _SMALL = 0.01
@@ -111,6 +112,7 @@ def fit_line(seen: Seen, pad: int, first: int, last: int, out: Velocities) -> No
             add_scan(seen, pad, (k, last), (own, slope), moved, out)
             add_covariance(slope * slope, own * slow, seen.covariance[k, pad], seen.noise[k, pad], out.covariance[pad])
             out.rate[pad, 2] += slope * (seen.theta[k, pad] - seen.theta[middle, pad])
+    mirror(out.covariance[pad])
     K = out.frames[pad]
     for i in range(3):
         out.rate[pad, 0] += K[i, 0] * moved[i]
@@ -155,9 +157,9 @@ def begin_at(middle: Floats, frame: Floats, rate: Floats, covariance: Floats) ->
 
 @lean_kernel
 def add_covariance(of_noise: float, of_rest: float, own: Floats, noise: Floats, total: Floats) -> None:
-    """Add a pose's noise (3, 3) and the rest of its own covariance (3, 3) to the total, each with its factor."""
+    """Add a pose's noise (3, 3) and the rest of its covariance (3, 3), with factors, to the total's lower half."""
     for a in range(3):
-        for b in range(3):
+        for b in range(a + 1):
             total[a, b] += of_noise * noise[a, b] + of_rest * (own[a, b] - noise[a, b])
 
 
