@@ -29,7 +29,7 @@ from taxelflow.estimation.template.online.hand import PadScan
 from taxelflow.estimation.template.online.map_update import first_pattern
 from taxelflow.estimation.template.online.relocalization import relocalise
 from taxelflow.estimation.template.online.track_state import Track
-from taxelflow.messages import LOST
+from taxelflow.messages import LOST, OK, UNRESOLVED
 from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.records import record
 from taxelflow.numerics.robust import gate
@@ -149,6 +149,21 @@ def test_a_pattern_that_explains_nothing_is_given_up_after_two_scans() -> None:
     quality = api.estimate(recorded(readings + noise, sensor), "template", mode="stream").slips.quality[40:, 0]
     assert LOST in quality[:2]
     assert LOST not in quality[2:]
+
+
+def test_the_first_pose_on_a_pattern_of_one_scan_is_not_resolved() -> None:
+    """The highest of three domes touches first: the object is 6 mm from where its first scan shows it."""
+    sensor = grid_sensor(8, 16, pitch_m=(0.005, 0.005))
+    first = dome(sensor, -0.012, radius_m=0.006)
+    whole = first + dome(sensor, 0.012, 0.006, radius_m=0.006) + dome(sensor, 0.006, -0.008, radius_m=0.006)
+    contacts = [np.zeros((20, 128)), 0.4 * first[np.newaxis], np.tile(whole, (12, 1))] * 2
+    readings = np.concatenate(contacts)
+    noise = np.random.default_rng(0).normal(0.0, 200.0, readings.shape)
+    slips = api.estimate(recorded(readings + noise, sensor), "template", mode="stream").slips
+    quality = slips.quality[:, 0]
+    assert np.hypot(*(slips.pose[30, 0, :2] - slips.pose[20, 0, :2])) > 0.006
+    assert quality[[20, 53]].tolist() == [UNRESOLVED] * 2
+    assert (quality[[30, 63]] == OK).all()
 
 
 @pytest.mark.long

@@ -72,13 +72,14 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
     if floor > 0.0 and not in_line:
         weigh_pose(scale, m, centre, pose, cov, weight)
     _add_step((m.broken + m.wander) * scale * scale, weight, cov)
+    alone = m.keyframes == 1 and not m.continues  # with a pattern of one scan, which only that one has fitted
     moved = _displacement(t, k, pad, m, noise, centre, weight, rows) / scale
     follow_centre(scale, floor, m)
     add_weighted(pose, centre[0] - pose[0], centre[1] - pose[1], weight)
     leave_open(scale, m, cov)
     blurred = eigenvalues2(cov[0, 0], cov[1, 1], cov[0, 1])[1] > (BLURRED * scale) ** 2
     unsure = m.probation > 0.0
-    rows.quality[k, pad] = AMBIGUOUS if blurred or in_line or unsure or m.changing else OK
+    rows.quality[k, pad] = AMBIGUOUS if blurred or in_line or unsure or m.changing else UNRESOLVED if alone else OK
     if fits(m):
         m.poor = 0.0
         clear = largest < (BLURRED * scale) ** 2 or m.keyframes < KEYFRAMES.young
@@ -93,8 +94,7 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
         m.flag = NOVEL
     if unsure:
         m.flag = NOTHING  # a pattern must not learn from where it is not
-    given_up = m.poor >= _UNFIT.given_up and m.unexplained > UNEXPLAINED.known
-    if moved > _UNFIT.leap * (1.0 + m.radius) or given_up:
+    if moved > _UNFIT.leap * (1.0 + m.radius) or (m.poor >= _UNFIT.given_up and m.unexplained > UNEXPLAINED.known):
         m.flag = GONE
         rows.quality[k, pad] = LOST
 
