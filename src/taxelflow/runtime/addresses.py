@@ -35,13 +35,22 @@ class Address:
 
     @property
     def endpoint(self) -> tuple[str, int]:
-        """Host and port. Raises AddressInvalid if there is none."""
+        """Host and port, and nothing after them. Raises AddressInvalid."""
         if not self.host or self.port is None:
             raise AddressInvalid(self.url, "it has no host and port", f"{self.scheme}://HOST:PORT")
+        self.refuse_path(f"{self.scheme}://HOST:PORT")
         return self.host, self.port
 
+    def refuse_path(self, example: str) -> None:
+        """Raises AddressInvalid, with an example, if there is a path, which has no meaning here."""
+        if self.path:
+            raise AddressInvalid(self.url, f"the path {self.path!r} has no meaning here", example)
+
     def need_path(self, example: str) -> str:
-        """The path. Raises AddressInvalid, with an example, if it is empty."""
+        """The path. Raises AddressInvalid if it is empty, or a part of it stands where a host does in the example."""
+        behind = self.url.partition(":")[2].partition("?")[0]
+        if behind.startswith("//") and "://" not in example:
+            raise AddressInvalid(self.url, "// is followed by a host, not by a path", f"{self.scheme}:{behind[2:]}")
         if not self.path:
             raise AddressInvalid(self.url, "it has no path", example)
         return self.path

@@ -113,6 +113,16 @@ def test_the_note_says_when_all_angles_are_known(tmp_path: Path) -> None:
     assert "angles are from 1.000 to 2.000 s, scans from 0.000 to 2.000 s" in places.notes[0]
 
 
+def test_the_note_names_the_joints_that_are_given() -> None:
+    """A misspelt one is found by that."""
+    sensor = load_sensor("schunk-sdh2")
+    names = PadKinematics(sensor).joints
+    t_s = 0.1 * np.arange(21)
+    places = Places(sensor, joints_of((*names[:-1], "typo"), t_s, np.zeros((21, len(names)))))
+    places.count(t_s)
+    assert places.notes[0].endswith(f": no angles of {names[-1]}; those given are of {', '.join(names[:-1])}, typo")
+
+
 def test_estimate_notes_degrees_that_were_given_as_radians(tmp_path: Path, capsys: Capture) -> None:
     code, said, _ = _estimated(tmp_path, capsys, "--joints", "slide=45")
     assert code == 0

@@ -15,6 +15,7 @@ import pytest
 
 from streaming import PALM, opened, published, slid
 from taxelflow.acquire.base import Recording
+from taxelflow.cli import main
 from taxelflow.condition import relearning
 from taxelflow.condition.sample import WINDOWS
 from taxelflow.errors import AddressInvalid
@@ -220,6 +221,9 @@ def test_only_the_file_of_a_run_holds_adoptions(tmp_path: Path) -> None:
     assert asked_adoptions(f"replay:{tmp_path / 'a.mcap'}") is None
     with pytest.raises(AddressInvalid, match="holds no adoptions"):
         asked_adoptions(f"replay:{tmp_path / 'a.npz'}?adoptions=recorded")
+    assert main(["record", "rig:stroke?speed=max", str(tmp_path / "a.mcap"), "--max-scans", "20", "--quiet"]) == 0
+    with pytest.raises(AddressInvalid, match="holds no adoptions"):
+        asked_adoptions(f"replay:{tmp_path / 'a.mcap'}?adoptions=recorded")
 
 
 def test_a_lane_uses_one_thing_at_a_time() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import socket
 import threading
 from itertools import islice, product
@@ -99,6 +101,19 @@ def test_the_command_sends_a_scenario(capfdbinary: pytest.CaptureFixture[bytes])
     said = capfdbinary.readouterr()
     assert said.out.count(b"\n") >= 141
     assert b"140 whole scans sent, faults: garbage 1" in said.err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_an_emulation_in_order(
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def signalled(*_arguments: object) -> None:
+        os.kill(os.getpid(), number)
+        threading.Event().wait(10)
+
+    monkeypatch.setattr(Playback, "run", signalled)
+    assert main(["emulate", "stdin:", "--from", "stroke"]) == 0
+    assert "0 whole scans sent, faults: none" in capfd.readouterr().err
 
 
 def test_a_loop_goes_on_with_increasing_times() -> None:

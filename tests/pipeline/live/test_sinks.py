@@ -409,6 +409,8 @@ def test_latencies_are_within_a_bin() -> None:
     assert seen.longest_s == 0.1
     assert sum(count for _, _, count in seen.decades()) == 100
     assert seen.words().startswith("p50")
+    seen.add(1234.5)
+    assert seen.words().endswith("max 1234500 ms")
     assert PALM.frame is None
 
 

@@ -180,6 +180,7 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
 def inspire(address: Address, sensor: Sensor | None) -> ByteSource:
     """`inspire-dds:?side=r&domain=0`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
     address.check_options((*STREAM_OPTIONS, "side", "domain"))
+    address.refuse_path("inspire-dds:?side=r")
     side = address.choice("side", ("r", "l"))
     return _source(address, sensor, f"rt/inspire_hand/touch/{side}", INSPIRE_TYPE, INSPIRE)
 

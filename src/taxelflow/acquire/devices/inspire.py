@@ -147,6 +147,7 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     ExtraMissing.
     """
     address.check_options((*STREAM_OPTIONS, "rate"))
+    address.refuse_path("inspire-modbus://HOST")
     sensor = need_sensor(address, sensor)
     if sensor.channel_map.columns > sum(PADS):
         raise TaxelCountWrong("the hand", sum(PADS), sensor.name, sensor.channel_map.columns)

@@ -55,5 +55,6 @@ class _StandardInput:
 def read(address: Address, sensor: Sensor | None) -> ByteSource:
     """`stdin:`. Raises AddressInvalid, SensorNeeded."""
     address.check_options(("time", "format", "time-unit"))
+    address.refuse_path("stdin: with the scans on standard input, or replay:FILE for a recording")
     sensor, faults = need_sensor(address, sensor), Faults()
     return ByteSource(address, sensor, _StandardInput(), parser_of(address, sensor, faults), faults)

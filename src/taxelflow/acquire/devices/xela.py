@@ -60,6 +60,7 @@ class XelaParser:
 def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     """`xela://HOST:PORT`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
     address.check_options(STREAM_OPTIONS)
+    address.refuse_path("xela://HOST:PORT")
     sensor, faults = need_sensor(address, sensor), Faults()
     url = f"ws://{authority(address.host or '127.0.0.1', address.port or PORT)}"
     return ByteSource(address, sensor, WebSocket(url), XelaParser(sensor.channel_map.columns, faults), faults)

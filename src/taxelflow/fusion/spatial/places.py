@@ -100,13 +100,18 @@ class Places:
         joints, known = self._joints, () if self._joints is None else self._joints.names
         absent = [name for name in self._kinematics.joints if name not in known]
         parts = [f"no angles of {', '.join(absent)}"] if absent else []
-        if len(absent) == len(self._kinematics.joints):
-            parts += [f"those given are of {', '.join(known)}"] if known else []
-        elif joints is not None and len(joints.t_s) > 1:
-            (first_s, last_s), own = self._span_s, _common_times(joints, self._kinematics.joints)
-            seen = f"angles are from {own[0]:.3f} to {own[-1]:.3f} s" if len(own) else "never are all angles known"
-            parts += [f"{seen}, scans from {first_s:.3f} to {last_s:.3f} s"]
+        parts += [f"those given are of {', '.join(known)}"] if absent and known else []
+        if joints is not None and len(joints.t_s) > 1 and len(absent) < len(self._kinematics.joints):
+            parts += self._times_that_lack(_common_times(joints, self._kinematics.joints), explained=bool(absent))
         return "; ".join(parts)
+
+    def _times_that_lack(self, own: Floats, *, explained: bool) -> list[str]:
+        """From when to when all given angles are known; nothing if they are in all scans, and the lack is explained."""
+        first_s, last_s = self._span_s
+        if explained and len(own) and own[0] <= first_s and last_s <= own[-1]:
+            return []
+        seen = f"angles are from {own[0]:.3f} to {own[-1]:.3f} s" if len(own) else "never are all angles known"
+        return [f"{seen}, scans from {first_s:.3f} to {last_s:.3f} s"]
 
 
 def _common_times(joints: Joints, needed: tuple[str, ...]) -> Floats:

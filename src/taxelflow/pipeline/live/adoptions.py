@@ -18,8 +18,8 @@ from taxelflow.runtime.adoption import Adoption
 if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
 
-ADOPTIONS, MISSED = "/adoptions", "/missed"
-"""The topics in an MCAP file."""
+ADOPTIONS, MISSED, RESULTS = "/adoptions", "/missed", "/slips"
+"""The topics in an MCAP file; a run that estimated has the last, even if it adopted and missed nothing."""
 OPTION, ALLOWED = "adoptions", ("ready", "recorded")
 """Of `replay:`: use what is learned when it is ready, or in the scans in which the recorded run did."""
 
@@ -50,9 +50,10 @@ def _recorded(address: Address) -> bool:
 def _read(address: Address, name: str) -> list[dict[str, Any]]:
     """All messages of a topic."""
     path = address.file_path("replay:FILE")
-    if path.suffix != ".mcap":
+    source = McapSource(path) if path.suffix == ".mcap" else None
+    if source is None or RESULTS not in {topic.name for topic in source.topics}:
         raise AddressInvalid(address.url, f"{path.name} holds no adoptions", "a file by `taxelflow run --to mcap:FILE`")
-    source, found = McapSource(path), list[dict[str, Any]]()
+    found = list[dict[str, Any]]()
     for topic in source.topics:
         if topic.name == name:
             with suppress(RecordingTruncated):  # what is whole is used; the replay of the scans reports that it was cut

@@ -76,4 +76,9 @@ class Latencies:
         if not len(self):
             return "unknown"
         p50, p99 = (1e3 * self.quantile_s(share) for share in (0.5, 0.99))
-        return f"p50 {p50:.3g} ms, p99 {p99:.3g} ms, max {1e3 * self.longest_s:.3g} ms"
+        return f"p50 {_short(p50)} ms, p99 {_short(p99)} ms, max {_short(1e3 * self.longest_s)} ms"
+
+
+def _short(number: float) -> str:
+    """Three digits, or all before the point."""
+    return f"{number:.0f}" if number >= 1e3 else f"{number:.3g}"

@@ -14,7 +14,7 @@ import msgspec
 from taxelflow.acquire.ros.write import McapScans
 from taxelflow.errors import AddressInvalid, ExtraMissing
 from taxelflow.numerics.clock import nanoseconds
-from taxelflow.pipeline.live.adoptions import ADOPTIONS, MISSED
+from taxelflow.pipeline.live.adoptions import ADOPTIONS, MISSED, RESULTS
 from taxelflow.publish.sinks.foxglove_messages import Drawing
 from taxelflow.publish.sinks.json_topics import SCHEMAS, Properties, json_schema
 from taxelflow.publish.sinks.lines import event_row, scan_texts, spatial_objects
@@ -96,7 +96,7 @@ class McapSink:
         """See `Sink`."""
         texts = update.texts or scan_texts(update, self._pads)
         for t_s, text in zip(update.output.slips.t_s.tolist(), texts, strict=True):
-            self._write_json("/slips", t_s, {"t_s": t_s, "pads": text.pads})
+            self._write_json(RESULTS, t_s, {"t_s": t_s, "pads": text.pads})
             self._add("/object", nanoseconds(t_s), bytes(text.moved))
         for adoption in update.adoptions:
             self._write_json(ADOPTIONS, adoption.t_s, adoption._asdict())

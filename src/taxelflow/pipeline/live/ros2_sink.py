@@ -153,4 +153,5 @@ class Ros2Sink:
 def write(address: Address) -> Ros2Sink:
     """`ros2:?domain=0`. Raises AddressInvalid, ExtraMissing."""
     address.check_options(("domain",))
+    address.refuse_path("ros2: alone; its topics begin with /taxelflow")
     return Ros2Sink(domain_of(address))

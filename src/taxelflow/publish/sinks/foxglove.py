@@ -118,4 +118,5 @@ def _known(values: dict[str, Any]) -> dict[str, Any]:
 def listen(address: Address) -> FoxgloveServer:
     """`foxglove://HOST:PORT`. Raises AddressInvalid, ExtraMissing."""
     address.check_options(())
+    address.refuse_path("foxglove://HOST:PORT")
     return FoxgloveServer(address.host or "127.0.0.1", _SERVER.port if address.port is None else address.port)

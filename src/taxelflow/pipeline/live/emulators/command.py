@@ -16,6 +16,7 @@ from taxelflow.errors import NameUnknown, PortTaken
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import Address, parse_address
 from taxelflow.runtime.checks import not_negative
+from taxelflow.runtime.signals import Signals
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,7 +31,7 @@ class Emulate:
     """Emulate a device: send a recording, or simulated scans, by its protocol, with faults if asked for.
 
     The device is given by the URL that `taxelflow run` reads it by, or by its scheme alone for a usual place.
-    Exit code: 0; 2 on bad input.
+    Ctrl-C and SIGTERM end in order. Exit code: 0; 2 on bad input.
     """
 
     device: Annotated[Positional[str], tyro.conf.arg(metavar="DEVICE")]
@@ -62,7 +63,7 @@ class Emulate:
             emulator = self._opened(recording, opened)
             print(f"taxelflow: emulating {emulator.url}", file=sys.stderr, flush=True)
             playback = Playback(emulator, faults, self.speed)
-            with suppress(KeyboardInterrupt):
+            with suppress(KeyboardInterrupt), Signals():  # which raise it
                 playback.run(self._scans(recording))
         spoiled = ", ".join(f"{name} {count}" for name, count in playback.done.items()) or "none"
         print(f"taxelflow: {playback.whole} whole scans sent, faults: {spoiled}", file=sys.stderr)
