@@ -37,6 +37,11 @@ def test_plain_columns_of_any_number_are_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(recording.load().t_s, [0.0, 0.1])
 
 
+def test_a_taxel_that_was_never_read_is_missing(tmp_path: Path) -> None:
+    path = write(tmp_path, {"t_s": [0.0, 0.1], "a": pa.nulls(2), "b": [3.0, 4.0]})
+    np.testing.assert_array_equal(open_parquet(path, SENSOR).load().values, [[np.nan, 3], [np.nan, 4]])
+
+
 def test_columns_of_joints_are_angles(tmp_path: Path) -> None:
     known = {"t_s": [0.0, 0.1, 0.2], "joint:a b": [0.5, None, 0.7], "a": [1.0, 2.0, 3.0], "b": [3.0, 4.0, 5.0]}
     recording = open_parquet(write(tmp_path, known), SENSOR)

@@ -144,7 +144,7 @@ def _table(path: Path, schema: Any, asked: Columns) -> _Table:
                 continue
             seen = f"column {name!r} holds lists, and there are {len(taxels)} columns of taxels"
             raise RecordingCorrupt(path, seen, f"choose it alone, with --columns.taxels {name!r}, or leave it out")
-        if not _numeric(arrow, kind):
+        if not (_numeric(arrow, kind) or arrow.types.is_null(kind)):  # null: of a taxel that was never read
             seen = f"column {name!r} holds {kind}, not numbers"
             remedy = "store angles in rad" if number in angles else "choose others with --columns.taxels"
             raise RecordingCorrupt(path, seen, remedy)
