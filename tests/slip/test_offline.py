@@ -74,23 +74,6 @@ def test_events_alternate_agree_with_the_flags_and_come_in_order() -> None:
     assert not flags[~slips.contact].any()
 
 
-@pytest.mark.parametrize(("seed", "slowing_s"), [(0, 0.1), (2, 0.1), (2, 0.2)])
-def test_a_slip_begins_after_the_scan_in_which_the_last_one_stopped(seed: int, slowing_s: float) -> None:
-    """An object that slows down: its stop is reported, and with it, as its path goes on, another slip."""
-    pose = slid(seed=seed)
-    since_s = np.maximum(np.arange(len(pose)) / RATE_HZ - 1.003, 0.0)
-    pose[:, 0] += 0.01 * slowing_s * -np.expm1(-since_s / slowing_s)
-    slips = slips_of(pose)
-    flags, events = seen(slips)
-    assert kinds(events) == ["contact", "slip_start", "slip_stop", "slip_start", "slip_stop"]
-    stop, start = (round(event.t_s * RATE_HZ) for event in events[2:4])
-    assert flags[stop - 1 : stop + 2, 0].tolist() == [True, False, True]
-    assert start == stop + 1
-    cut_flags, cut_events = seen(*pieces(slips, list(range(1, len(pose)))))
-    np.testing.assert_array_equal(cut_flags, flags)
-    assert cut_events == events
-
-
 def test_it_holds_back_only_so_many_scans() -> None:
     session = SlipMonitor().look_back(("pad",))
     given_back = 0

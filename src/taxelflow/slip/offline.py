@@ -115,16 +115,10 @@ class OfflineSlipSession:
         found: list[tuple[int, int, Event]] = []
         for number, pad in enumerate(self._pads):
             done = 0
-            rested = False  # in the scan `done`, which no longer slips
             while pad.refined and len(times) and pad.refined[0].onset_s <= times[-1]:
-                event = pad.refined[0]
-                scan = max(int(np.searchsorted(times, event.onset_s)), done)
-                scan += rested and scan == done and event.event == "slip_start"
-                if scan == len(times):
-                    break
-                del pad.refined[0]
+                event = pad.refined.pop(0)
+                scan = int(np.searchsorted(times, event.onset_s))
                 slipping[done:scan, number], done = pad.slipping, scan
-                rested = event.event == "slip_stop"
                 found.append((scan, number, _at_scan(event, float(times[scan]))))
                 pad.slipping = {"slip_start": True, "slip_stop": False}.get(event.event, pad.slipping)
             slipping[done:, number] = pad.slipping
