@@ -44,8 +44,10 @@ class ContactSummary(msgspec.Struct, frozen=True):
 
 
 class _SlipSums(NamedTuple):
-    """Over the slips of a contact. All but `slips` and `turn_rad` are of those with a known path: `moved`."""
+    """Over the slips of a contact: `slips` and `turn_rad` of all, the others of the `moved` ones, whose path is known."""
 
+    begun_s: float
+    """When the contact began."""
     slips: int = 0
     moved: int = 0
     slip_s: float = 0.0
@@ -81,8 +83,7 @@ class ContactTotals:
         self._counts = np.zeros((count, 5), dtype=np.int64)
         self._net_m = np.zeros((count, 2))
         self._ended: list[ContactSummary] = []
-        # By pad: when its contacts began, the sums over their slips, and its latest slip, which may go on.
-        self._begun_s: dict[str, list[float]] = {pad: [] for pad in pads}
+        # By pad: the sums of its contacts in the order of their begin, and its latest slip, which may go on.
         self._sums: dict[str, list[_SlipSums]] = {pad: [] for pad in pads}
         self._latest: dict[str, Event] = {}
 
@@ -115,7 +116,7 @@ class ContactTotals:
         """Count the pad's latest slip to the contact that had begun last before it."""
         if (slip := self._latest.pop(pad, None)) is None:
             return
-        number = bisect_right(self._begun_s[pad], _start_s(slip)) - 1
+        number = bisect_right(self._sums[pad], _start_s(slip), key=lambda sums: sums.begun_s) - 1
         if number >= 0:
             self._sums[pad][number] = self._sums[pad][number].plus(slip)
 
@@ -126,8 +127,7 @@ class ContactTotals:
             if self._touching[pad]:
                 self._ended.append(self._contact(pad, t_s))
             else:
-                self._begun_s[self._pads[pad]].append(t_s)
-                self._sums[self._pads[pad]].append(_SlipSums())
+                self._sums[self._pads[pad]].append(_SlipSums(t_s))
             self._since_s[pad], self._counts[pad], self._net_m[pad] = t_s, 0, 0.0
         self._touching = now
 
