@@ -44,7 +44,7 @@ class ContactSummary(msgspec.Struct, frozen=True):
 
 
 class _SlipSums(NamedTuple):
-    """Over the slips of a contact: `slips` and `turn_rad` of all, the others of the `moved` ones, whose path is known."""
+    """Over the slips of a contact: `slips` and `turn_rad` of all, the rest of the `moved` ones: their path is known."""
 
     begun_s: float
     """When the contact began."""
