@@ -208,6 +208,17 @@ def test_with_a_rolling_scan_positions_within_a_stroke_are_steady() -> None:
 # A stream
 
 
+def test_delays_on_one_pad_of_a_hand_change_nothing_on_another() -> None:
+    plain = ungrouped(simulate(rigged("fast-stroke")))
+    layout, pad = plain.layout, plain.layout.pads.index("palm")
+    delay_s = np.linspace(0.0, 0.05, layout.taxels)
+    delay_s[layout.of_pad(pad)] = 0.0
+    late = replace(plain, sensor=msgspec.structs.replace(plain.sensor, delay_s=tuple(delay_s.tolist())))
+    one, other = (api.estimate(recording, "template", mode="stream").slips for recording in (plain, late))
+    assert np.isfinite(one.pose[:, pad, 0]).sum() > 20
+    np.testing.assert_array_equal(other.pose[:, pad], one.pose[:, pad])
+
+
 @pytest.mark.long
 def test_stick_and_slip_do_not_drift() -> None:
     motion = {"stick_slip_s": 3.0, "rest_s": 0.5}

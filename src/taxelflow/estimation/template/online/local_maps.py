@@ -79,8 +79,8 @@ class LocalMaps:
         own, tracks, taxels = self.learners[pad], self.tracks, self._layout.of_pad(pad)
         if own.learned is not None and own.learned.keyframes.scanned.t_s[-1] == scan.t:
             return
-        late = self._late(pad) if len(self.hand.delay) else np.zeros(0)
-        bend, state = tracks["speed"][pad][:, np.newaxis] * late, tracks["state"][pad]
+        late, state = self._late(pad), tracks["state"][pad]
+        bend = np.outer(tracks["speed"][pad], late if late.any() else ())  # as in `Scanned.of`, pad by pad
         own.learn_from(Candidate(scan.t, scan.reading[taxels].copy(), scan.variance[taxels].copy(), bend, state.copy()))
         held = int(tracks["keyframes"][pad])
         if held < KEYFRAMES.most:
