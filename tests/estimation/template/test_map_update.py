@@ -108,3 +108,11 @@ def test_gains_from_a_contact_before_are_not_likelier_for_making_readings_smalle
     scattered = 1.0 + 0.002 * np.random.default_rng(0).normal(size=scanned.readings.shape[1])
     wrong = keyframes_of(scanned, at, 1.02 * scattered)  # cheaper by 62 if densities of divided readings are compared
     np.testing.assert_array_equal(_with_former_gains(wrong, scanned, solved).gains, 1.0)
+
+
+def test_a_hidden_direction_is_tested_again_when_half_as_many_keyframes_have_come() -> None:
+    scanned, at, _ = sliding(0.0)
+    known = replace(keyframes_of(scanned, at, np.ones(scanned.readings.shape[1])), hidden=np.array([1.0, 0.0]))
+    kept, again = (learn(replace(known, tested=int(share * len(scanned)))) for share in (0.9, 0.5))
+    assert (kept.hidden.tolist(), kept.tested) == ([1.0, 0.0], int(0.9 * len(scanned)))
+    assert (again.hidden.tolist(), again.tested) == ([0.0, 0.0], len(scanned))

@@ -29,10 +29,16 @@ _MOVED = 0.2
 
 
 def solve_contact(
-    scanned: Scanned, *, sinks: bool = False, suspects: Sequence[int] = (), known: Floats | None = None
+    scanned: Scanned,
+    *,
+    sinks: bool = False,
+    suspects: Sequence[int] = (),
+    known: Floats | None = None,
+    hidden: Floats | None = None,
 ) -> Solved:
     """Pattern and poses of all scans of a contact; in `scanned` readings of dead taxels are masked, and the others
-    divided by their gains. sinks, known: see `solve`. suspects: taxels that fewer scans called dead.
+    divided by their gains. sinks, known: see `solve`. suspects: taxels that fewer scans called dead. hidden: (2,), see
+    `hidden_direction`, which is not called where it is given.
     """
     solving = partial(solve, scanned, sinks=sinks, known=known)
     solved, dead = _without_silent(scanned, suspects, solving)
@@ -48,7 +54,7 @@ def solve_contact(
         still = agreement(gained, solved, most=_MOVED)
         gained.agrees = gained.agrees & still if len(gained.agrees) else still
     gained.dead = np.array(dead, np.int64)
-    gained.hidden = hidden_direction(scanned, gained)
+    gained.hidden = hidden_direction(scanned, gained) if hidden is None else hidden
     return gained
 
 

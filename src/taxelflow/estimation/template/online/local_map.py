@@ -93,7 +93,9 @@ class LocalMap:
     """Of the keyframes, see `anchor_of`."""
     hidden: Floats = field(default_factory=lambda: np.zeros(2))
     decided: bool = False
-    """See `Solved`, and whether it is known."""
+    """See `Solved`, and whether it is known, ..."""
+    tested: int = 0
+    """... and how many scans had been keyframes when it was found."""
     fresh: int = 0
     """Number of the last keyframes that were registered to the map before."""
     taken: int = 1

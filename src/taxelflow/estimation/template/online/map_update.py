@@ -132,6 +132,7 @@ def _learn(known: LocalMap) -> LocalMap:
         origin=origin,
         hidden=known.hidden if looked == known.looked else best.hidden,
         decided=known.decided or looked != known.looked,
+        tested=known.tested if looked == known.looked or _still_hidden(known) is not None else looked,
         anchor=_anchor(known, gains, replace(best, states=states)),
         looked=looked,
     )
@@ -198,8 +199,17 @@ def _best(known: LocalMap) -> tuple[Solved, int]:
             return present, known.looked
     scanned = replace(keyframes.scanned, variance=keyframes.scanned.variance.copy())
     dead = np.flatnonzero(np.isinf(known.gains)).tolist()
-    best = solve_contact(scanned, suspects=dead, known=None if known.grows else keyframes.states)
+    states, hidden = None if known.grows else keyframes.states, _still_hidden(known)
+    best = solve_contact(scanned, suspects=dead, known=states, hidden=hidden)
     return _with_former_gains(known, scanned, best), taken
+
+
+def _still_hidden(known: LocalMap) -> Floats | None:
+    """(2,), the direction in which no reading shows a motion, until more keyframes may. None where it is to be tested.
+
+    The test takes long, and strange keyframes call for it again and again.
+    """
+    return known.hidden if known.hidden.any() and known.taken < KEYFRAMES.more * known.tested else None
 
 
 def _with_former_gains(known: LocalMap, scanned: Scanned, best: Solved) -> Solved:
