@@ -16,8 +16,8 @@ from taxelflow.numerics.bspline import KNOTS, STATE, State, evaluate, knot_of, p
 from taxelflow.numerics.robust import OUTLIER, huber_weight
 from taxelflow.runtime.compiling import lean_kernel, long_kernel
 
-_HUBER = 4.0
-"""Standard deviations above which a reading weighs less (Huber)."""
+FIT_HUBER = 4.0
+"""Standard deviations above which a reading weighs less in a fit (Huber)."""
 
 
 class Normal(NamedTuple):
@@ -95,7 +95,7 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
             z = abs(difference) * np.sqrt(factor)
             out.chi[k] += min(z * z, OUTLIER)
             out.counts[k] += 1
-            factor *= huber_weight(z, _HUBER)
+            factor *= huber_weight(z, FIT_HUBER)
             out.w[k, i] = factor
             rise = gain * read.share
             by_size = level if level > 0.0 else by_size

@@ -47,7 +47,8 @@ def delays_of(layout: Layout) -> tuple[Floats, Floats]:
 
 def strength(readings: Floats, variance: Floats) -> Floats:
     """(...), how many standard deviations readings (..., taxels) that stand out are above nothing, together."""
-    squared = np.divide(readings**2, variance, out=np.zeros_like(readings), where=(variance > 0) & (readings > 0))
+    with np.errstate(over="ignore"):  # constant readings have next to no noise: they are infinitely far above nothing
+        squared = np.divide(readings**2, variance, out=np.zeros_like(readings), where=(variance > 0) & (readings > 0))
     total: Floats = np.sqrt(np.sum(squared, axis=-1, where=squared > SIGNIFICANT**2))
     return total
 

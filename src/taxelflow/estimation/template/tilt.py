@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.normal_equations import FIT_HUBER
 from taxelflow.numerics.bspline import state_of
 from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.rounding import LINE_POINTS
@@ -56,7 +57,10 @@ def without_tilt(
         gain = state_of(state).gain
         jacobian = np.column_stack([gain * values[seen, 1:4], q[seen], gain * values[seen, 4]])
         modes = gain * _modes(scanned.places[:, seen], q[seen])
-        weighted = modes / readings.variance[k, seen, np.newaxis]
+        variance = readings.variance[k, seen]
+        off = np.abs(scanned.readings[k, seen] - gain * q[seen]) / np.sqrt(variance)
+        weight = FIT_HUBER / np.maximum(off, FIT_HUBER) / variance  # that of the information: no more is eliminated
+        weighted = modes * weight[:, np.newaxis]
         shared = jacobian.T @ weighted
         explained = shared @ np.linalg.solve(modes.T @ weighted + prior, shared.T)
         held = own[k].any(axis=1) & (np.count_nonzero(own[k], axis=1) == 1)  # a state that is held
