@@ -26,7 +26,7 @@ from taxelflow.runtime import registry
 from taxelflow.runtime.compiling import announced
 from taxelflow.runtime.whole_file import whole_file
 from taxelflow.sensors.calibration import Calibration, load_calibration
-from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.catalogue import sensor_from
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.slip.parameters import SlipMonitor
 
@@ -57,7 +57,7 @@ def read(
     sensor: a built-in name, a TOML file or a `Sensor`, for formats that carry no layout or to replace theirs.
     topic: which one of a bag. columns: how a csv, text or Parquet file is laid out, if not as usual. Raises
     RecordingMissing, FormatUnknown, SensorNeeded, TopicUnclear, RecordingCorrupt, TaxelCountWrong, NameUnknown,
-    ParameterInvalid, ExtraMissing.
+    SensorFileInvalid, ParameterInvalid, ExtraMissing.
     """
     if columns is not None and not isinstance(columns, Columns):
         raise ParameterInvalid("columns", columns, "be a Columns")
@@ -73,8 +73,8 @@ def read(
         raise FormatUnknown(path, registry.names("reader"))
     if path.is_file() and not path.stat().st_size:
         raise RecordingCorrupt(path, "the file is empty", "record or copy it again")
-    if sensor is not None and not isinstance(sensor, Sensor):
-        sensor = load_sensor(str(sensor))
+    if sensor is not None:
+        sensor = sensor_from(sensor)
     if suffix == _PADS_DIRECTORY and not (
         (columns and columns.pads) or (sensor and any(pad.files for pad in sensor.pads))
     ):
@@ -113,7 +113,7 @@ def recording(
     shear: (scans, taxels, 2) or (scans, rows, cols, 2) of a three-axis sensor, along x (right) and y (up) of the pad,
     same unit. Raises RecordingCorrupt, TaxelCountWrong, NameUnknown, SensorFileInvalid, ParameterInvalid.
     """
-    chosen = sensor if isinstance(sensor, Sensor) else load_sensor(str(sensor))
+    chosen = sensor_from(sensor)
     found = Recording.of_arrays(t_s, values, chosen, shear=shear)
     off = np.zeros(chosen.layout.taxels, dtype=np.bool_)
     for taxel in masked:
