@@ -7,6 +7,7 @@ import re
 import sys
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -21,6 +22,7 @@ from taxelflow.errors import (
     TaxelCountWrong,
     TimesNotIncreasing,
 )
+from taxelflow.publish.contact_table import contact_table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -222,3 +224,10 @@ def test_stamps_that_are_too_coarse_are_noted(repeats: int, noted: bool) -> None
     t_s[1] = t_s[0]  # one that a logger wrote twice
     notes = taxelflow.estimate(taxelflow.recording(t_s, moving(), PALM)).summary.notes
     assert any(note.startswith("dropped 48 scans with the time stamp of the one before, 12") for note in notes) == noted
+
+
+def test_a_path_that_rounds_to_nothing_has_no_minus(result: taxelflow.Result) -> None:
+    (contact,) = result.summary.contacts
+    still = msgspec.structs.replace(contact, net_m=(-1e-6, 1e-6), turn_rad=-1e-6)
+    (row,) = contact_table(msgspec.structs.replace(result.summary, contacts=[still])).rows
+    assert row[-2:] == ["0.0, 0.0", "0.0"]
