@@ -89,11 +89,6 @@ def test_times_of_arrays_must_increase() -> None:
         taxelflow.recording([0.0, 2.0, 1.0], np.zeros((3, 28)), PALM).load()
 
 
-def test_a_masked_taxel_must_exist() -> None:
-    with pytest.raises(taxelflow.TaxelflowError, match="masked must hold numbers from 0 to 27"):
-        taxelflow.recording([0.0], np.zeros((1, 28)), PALM, masked=[28])
-
-
 def test_a_recording_has_a_length_and_gives_scan_after_scan() -> None:
     found = recorded(moving(), PALM, block=7)
     scans = list(found)
@@ -231,3 +226,15 @@ def test_a_path_that_rounds_to_nothing_has_no_minus(result: taxelflow.Result) ->
     still = msgspec.structs.replace(contact, net_m=(-1e-6, 1e-6), turn_rad=-1e-6)
     (row,) = contact_table(msgspec.structs.replace(result.summary, contacts=[still])).rows
     assert row[-2:] == ["0.0, 0.0", "0.0"]
+
+
+@pytest.mark.parametrize("masked", [np.zeros(28, dtype=np.bool_), [True], [1.5], ["a"], [28], [-1]], ids=str)
+def test_masked_holds_numbers_of_taxels(masked: object) -> None:
+    with pytest.raises(ParameterInvalid, match="masked must hold numbers of taxels, from 0 to 27"):
+        taxelflow.recording(np.arange(60) / 10, moving(), PALM, masked=masked)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("given", [np.zeros((3, 28)), [1, 2], None], ids=["array", "list", "none"])
+def test_arrays_in_place_of_a_recording_are_refused_with_what_makes_one(given: object) -> None:
+    with pytest.raises(ParameterInvalid, match=r"recording must be a path, or a Recording: taxelflow\.recording\("):
+        taxelflow.estimate(given)  # type: ignore[arg-type]

@@ -61,6 +61,9 @@ def read(
     """
     if columns is not None and not isinstance(columns, Columns):
         raise ParameterInvalid("columns", columns, "be a Columns")
+    if not isinstance(path, str | Path):
+        duty = "be a path, or a Recording: taxelflow.recording(t_s, values, sensor) makes one from arrays"
+        raise ParameterInvalid("recording", type(path).__name__, duty)
     path = Path(path)
     suffix = path.suffix.lower()
     if (path / _BAG_DIRECTORY).is_file():
@@ -117,8 +120,9 @@ def recording(
     found = Recording.of_arrays(t_s, values, chosen, shear=shear)
     off = np.zeros(chosen.layout.taxels, dtype=np.bool_)
     for taxel in masked:
-        if not 0 <= taxel < len(off):
-            raise ParameterInvalid("masked", taxel, f"hold numbers from 0 to {len(off) - 1}")
+        whole = isinstance(taxel, int | np.integer) and not isinstance(taxel, bool)
+        if not whole or not 0 <= taxel < len(off):
+            raise ParameterInvalid("masked", taxel, f"hold numbers of taxels, from 0 to {len(off) - 1}")
         off[taxel] = True
     return replace(found, masked=off)
 
