@@ -120,6 +120,8 @@ class Convert(Recorded):
         from taxelflow.pipeline import api
         from taxelflow.publish.terminal import progress
 
+        if self.method is not None and self.to is None:
+            raise ParameterInvalid("method", self.method, "be left out without --to lerobot: nothing is estimated")
         recording = api.opened(self)
         if self.to == "lerobot":
             from taxelflow.evaluation.episodes import recording_to_lerobot

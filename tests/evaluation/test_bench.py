@@ -164,7 +164,7 @@ def test_a_recording_of_ones_own_is_measured_and_left_alone(tmp_path: Path, monk
 
 def test_a_missing_recording_is_refused_in_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hurried(monkeypatch)
-    monkeypatch.setattr("taxelflow.evaluation.bench._sensors", list)
+    monkeypatch.setattr("taxelflow.evaluation.bench._sensors", lambda: pytest.fail("measured before"))
     with pytest.raises(RecordingMissing, match=r"none\.npz does not exist"):
         bench(tmp_path / "none.npz", effort=QUICK)
 

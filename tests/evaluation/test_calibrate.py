@@ -223,7 +223,7 @@ def test_what_cannot_be_calibrated_is_refused_with_the_reason(stroke: Recording)
         calibrate(stroke, truth, "magic")
     with pytest.raises(NameUnknown, match="pad0"):
         calibrate(stroke, truth, pad="thumb")
-    for wrong in ({"search_s": -1.0}, {"edge": float("nan")}, {"within_m": float("inf")}):
+    for wrong in ({"search_s": -1.0}, {"edge": float("nan")}, {"within_m": float("inf")}, {"within_m": 0.0}):
         with pytest.raises(ParameterInvalid):
             calibrate(stroke, truth, **wrong)  # type: ignore[arg-type]
 

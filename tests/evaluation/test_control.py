@@ -155,6 +155,9 @@ def test_the_table_compares_controllers_on_the_same_trials(tmp_path: Path, capsy
             "--controller hold --hand barrett --objects ball",
             "objects must be one of jar, case, can for the BarrettHand (got 'ball')",
         ),
+        ("--controller hold --against nosuch", "unknown controller 'nosuch'"),
+        ("--controller hold --latency-ms -5", "--latency-ms must be from 0 to 1000 (got -5.0)"),
+        ("--controller hold --plot pictures --film grip.avi", "--film must end in .gif or .mp4 (got 'grip.avi')"),
         ("--controller hold --bandwidth-hz 0", "actuator.bandwidth_hz must be a finite number above 0 (got 0.0)"),
     ],
 )

@@ -7,6 +7,7 @@ import re
 import sys
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -21,6 +22,7 @@ from taxelflow.errors import (
     TaxelCountWrong,
     TimesNotIncreasing,
 )
+from taxelflow.publish.contact_table import contact_table
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,11 +87,6 @@ def test_arrays_that_do_not_fit_are_refused(t_s: object, values: object, error: 
 def test_times_of_arrays_must_increase() -> None:
     with pytest.raises(TimesNotIncreasing):
         taxelflow.recording([0.0, 2.0, 1.0], np.zeros((3, 28)), PALM).load()
-
-
-def test_a_masked_taxel_must_exist() -> None:
-    with pytest.raises(taxelflow.TaxelflowError, match="masked must hold numbers from 0 to 27"):
-        taxelflow.recording([0.0], np.zeros((1, 28)), PALM, masked=[28])
 
 
 def test_a_recording_has_a_length_and_gives_scan_after_scan() -> None:
@@ -222,3 +219,22 @@ def test_stamps_that_are_too_coarse_are_noted(repeats: int, noted: bool) -> None
     t_s[1] = t_s[0]  # one that a logger wrote twice
     notes = taxelflow.estimate(taxelflow.recording(t_s, moving(), PALM)).summary.notes
     assert any(note.startswith("dropped 48 scans with the time stamp of the one before, 12") for note in notes) == noted
+
+
+def test_a_path_that_rounds_to_nothing_has_no_minus(result: taxelflow.Result) -> None:
+    (contact,) = result.summary.contacts
+    still = msgspec.structs.replace(contact, net_m=(-1e-6, 1e-6), turn_rad=-1e-6)
+    (row,) = contact_table(msgspec.structs.replace(result.summary, contacts=[still])).rows
+    assert row[-2:] == ["0.0, 0.0", "0.0"]
+
+
+@pytest.mark.parametrize("masked", [np.zeros(28, dtype=np.bool_), [True], [1.5], ["a"], [28], [-1]], ids=str)
+def test_masked_holds_numbers_of_taxels(masked: object) -> None:
+    with pytest.raises(ParameterInvalid, match="masked must hold numbers of taxels, from 0 to 27"):
+        taxelflow.recording(np.arange(60) / 10, moving(), PALM, masked=masked)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("given", [np.zeros((3, 28)), [1, 2], None], ids=["array", "list", "none"])
+def test_arrays_in_place_of_a_recording_are_refused_with_what_makes_one(given: object) -> None:
+    with pytest.raises(ParameterInvalid, match=r"recording must be a path, or a Recording: taxelflow\.recording\("):
+        taxelflow.estimate(given)  # type: ignore[arg-type]

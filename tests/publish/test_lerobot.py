@@ -120,6 +120,13 @@ def test_convert_writes_a_recording_with_its_results(tmp_path: Path, capsys: pyt
     assert max(map(max, data["observation.slipping"].to_pylist())) in (0.0, 1.0)
 
 
+def test_convert_refuses_a_method_where_nothing_is_estimated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["convert", "stroke.npz", str(tmp_path / "a.csv"), "--method", "lnorm"]) == 2
+    assert "--method must be left out without --to lerobot" in capsys.readouterr().err
+
+
 @pytest.mark.long
 def test_trials_of_a_controller_are_episodes_of_the_format(tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="mujoco is not installed: pip install 'taxelflow[sim]'")

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import tomllib
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,10 +13,11 @@ from hypothesis import strategies as st
 
 from synthetic import grid_sensor
 from tabled import CURVED, GOOD, INLINE, POINTS, parse
+from taxelflow import Live, read, recording
 from taxelflow.errors import NameUnknown, ParameterInvalid, SensorFileInvalid
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.pads import Pad
-from taxelflow.sensors.sensor import Sensor, parse_sensor, sensor_of, with_contacts
+from taxelflow.sensors.sensor import Sensor, checked, parse_sensor, sensor_of, with_contacts
 
 
 def test_a_sensor_file_is_read(tmp_path: Path) -> None:
@@ -172,3 +175,29 @@ def test_sizes_are_checked_before_the_layout_is_computed() -> None:
     groups = "".join(f'[[groups]]\nname = "g{n}"\npatches = [{{pad = "p0"}}]\n' for n in range(59))
     with pytest.raises(SensorFileInvalid, match=r"tables \[\[groups\]\]: 1200000 taxels of pads, groups and contacts"):
         parse('name = "s"\nunit = "Pa"\n' + pads[: len(pads) // 2] + groups)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"unit": "mPa"}, "field unit: unknown value 'mPa'"),
+        ({"gain": (1.0,)}, "field gain: 1 gains for 6 taxels"),
+        ({"pads": (Pad("pad", 2, 3),)}, "field pitch_m: it is missing"),
+        ({"pads": (Pad("pad", 2, 3, (4.0, 4.0)),)}, "4 m between taxels"),
+        ({"note": object()}, "a value is of type object"),
+    ],
+)
+def test_a_sensor_made_in_python_is_checked_as_a_file_is(tmp_path: Path, changed: dict[str, Any], message: str) -> None:
+    given = msgspec.structs.replace(grid_sensor(2, 3), **changed)
+    path = tmp_path / "scans.csv"
+    path.write_text("t_s,a,b,c,d,e,f\n0,0,0,0,0,0,0\n")
+    for use in (Live, partial(recording, np.arange(2.0), np.zeros((2, 6))), partial(read, path)):
+        with pytest.raises(SensorFileInvalid, match=message):
+            use(given)
+
+
+def test_lists_and_arrays_in_a_sensor_made_in_python_become_tuples() -> None:
+    places = np.array([[0.0, 0.0], [0.004, 0.0], [0.0, 0.004]])
+    given = Sensor("made", "kPa", [Pad("pad", taxels=places)], gain=np.ones(3))  # type: ignore[arg-type]
+    assert checked(given).pads[0].taxels == ((0.0, 0.0), (0.004, 0.0), (0.0, 0.004))
+    assert checked(given).gain == (1.0, 1.0, 1.0)

@@ -108,13 +108,13 @@ class Bench(msgspec.Struct, frozen=True):
 
 def bench(recording: Path | None, watched: Watch = unwatched, effort: Effort = USUAL) -> Bench:
     """Run everything; `recording` is what the shares are measured on (default: a simulated one of its length)."""
-    latencies = [row for sensor in watched(_sensors(), "sensors") for row in _latencies(sensor, effort)]
-    throughputs = [row for size in watched((16, 32, 64), "sizes of a pad") for row in throughput(size, effort)]
     with tempfile.TemporaryDirectory() as folder:
         if recording is None:
             recording = Path(folder) / "simulated.npz"
             save(_simulated(effort.strokes), recording)
-        opened = api.read(recording)
+        opened = api.read(recording)  # one that cannot be read is refused before the minutes of work
+        latencies = [row for sensor in watched(_sensors(), "sensors") for row in _latencies(sensor, effort)]
+        throughputs = [row for size in watched((16, 32, 64), "sizes of a pad") for row in throughput(size, effort)]
         scans, shares = _shares(opened, Path(folder) / "result")
         readings = reading_rates(opened, Path(folder), effort)
     peers = bench_peers((), effort)

@@ -28,7 +28,7 @@ from taxelflow.evaluation.statistics import rms
 from taxelflow.messages import Scans, Slips, joined
 from taxelflow.pipeline import api
 from taxelflow.runtime import registry
-from taxelflow.runtime.checks import not_negative
+from taxelflow.runtime.checks import not_negative, positive
 from taxelflow.runtime.compiling import announced
 from taxelflow.sensors.calibration import Calibration, PadCalibration, fingerprint
 
@@ -59,8 +59,10 @@ def calibrate(
     Raises GainsUnknown, NameUnknown, ParameterInvalid and what reading raises.
     """
     estimator = _calibratable(method)
-    for name, value in (("search_s", search_s), ("edge", edge), ("within_m", 1.0 if within_m is None else within_m)):
+    for name, value in (("search_s", search_s), ("edge", edge)):
         not_negative(name, value)
+    if within_m is not None:
+        positive("within_m", within_m)
     recording, truth = _opened(recording, truth)
     layout = recording.layout
     names = layout.pads[: layout.pad_count]

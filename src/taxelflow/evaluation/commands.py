@@ -117,7 +117,8 @@ class Plot:
     """Draw results: position against time, path over the pads, and one scan in the paper's three views."""
 
     results: Annotated[Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RESULT")]
-    """Directories that `taxelflow estimate --out` wrote, of one recording; several methods are drawn together."""
+    """Directories that `taxelflow estimate --out` wrote, of one recording; several methods are drawn together. Of a
+    hand, the four pads with the longest contacts are drawn."""
     out: Path | None = None
     """Directory for the pictures; the first result's if left out."""
     format: Literal["svg", "png", "pdf"] = "svg"

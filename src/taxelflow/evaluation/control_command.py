@@ -101,6 +101,8 @@ class Control(Output):
         if self.against and {self.controller, *self.against} & set(_MOTIONS):
             raise ParameterInvalid("against", " ".join(self.against), f"not be used with {' or '.join(_MOTIONS)}")
         names = (self.controller, *self.against)
+        for name in names:
+            registry.check("controller", name)
         if self.sweep:
             return self._sweep()
         if self.tune:
@@ -109,7 +111,7 @@ class Control(Output):
             from taxelflow.evaluation.episodes import courses_to_lerobot
 
             count = courses_to_lerobot(self._watched(self._courses(self.controller)), self.lerobot)
-            print(f"{count} episodes in {self.lerobot}")
+            print(f"{count} episode{'' if count == 1 else 's'} in {self.lerobot}")
             return 0
         if self.film is not None or self.plot is not None:
             return self._show()
@@ -162,7 +164,10 @@ class Control(Output):
         from taxelflow.errors import GraphicsMissing
         from taxelflow.evaluation.control_film import film_course
         from taxelflow.evaluation.control_plot import plot_course
+        from taxelflow.publish.video import check_video
 
+        if self.film is not None:
+            check_video(self.film, "film")
         courses = self._courses(self.controller)
         for course in {course.trial.event: course for course in reversed(courses)}.values():
             if self.plot is not None:
@@ -198,6 +203,8 @@ class Control(Output):
     def _actuator(self) -> Actuator:
         from taxelflow.simulation.mujoco.plant import Actuator
 
+        if not 0 <= self.latency_ms <= 1000:
+            raise ParameterInvalid("latency_ms", self.latency_ms, "be from 0 to 1000")
         return Actuator(self.bandwidth_hz, 1e-3 * self.latency_ms)
 
     def _watched(self, courses: list[Course]) -> Iterable[Course]:

@@ -45,7 +45,7 @@ FILM = _Film()
 
 def film_course(course: Course, path: Path) -> int:
     """Run a trial and film it; the number of frames. Raises ParameterInvalid, ExtraMissing, GraphicsMissing."""
-    check_video(path)
+    check_video(path, "film")
     with styled():
         return write_video(_frames(course), path, FILM.fps)
 

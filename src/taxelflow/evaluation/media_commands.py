@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import signal
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Annotated
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from taxelflow.publish.view.server import PageServer
 
 _METHOD = "convolution"
+_FILMED = ("from_s", "to_s", "speed", "fps")
+"""Options of `view` that mean something with --film only."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,9 @@ class View:
             raise ParameterInvalid("method", " ".join(methods), "be different ones")
         for name in methods:
             registry.check("estimator", name)
+        self._check_film()
+        if not live and self.shown.startswith(f"{scheme}://"):
+            registry.check("source", scheme)
         if not live and (not Path(self.shown).exists() or holds_results(Path(self.shown))):
             raise RecordingMissing(Path(self.shown))
         if self.sensor is not None:
@@ -153,6 +158,13 @@ class View:
                 else:
                     self._serve_source(source, server, methods[0], asked, started)
         return 0  # interrupted: the way to end it
+
+    def _check_film(self) -> None:
+        """Raises ParameterInvalid for an option of a film that is not written."""
+        for option in fields(self):
+            given = getattr(self, option.name)
+            if self.film is None and option.name in _FILMED and given != option.default:
+                raise ParameterInvalid(option.name, given, "be left out without --film")
 
     def _serve_recording(
         self, server: PageServer, methods: tuple[str, ...], asked: Event, started: Callable[[], None]

@@ -44,7 +44,7 @@ def film_recording(
 
     Raises BrowserMissing, BrowserFailed, ExtraMissing, NameUnknown, ParameterInvalid, and what reading raises.
     """
-    check_video(out)
+    check_video(out, "film")
     installed_browser()
     _check(part)
     playing = Playing(recording, methods, PageServer(port=0), flat=part.flat)

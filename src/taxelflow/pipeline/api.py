@@ -26,7 +26,7 @@ from taxelflow.runtime import registry
 from taxelflow.runtime.compiling import announced
 from taxelflow.runtime.whole_file import whole_file
 from taxelflow.sensors.calibration import Calibration, load_calibration
-from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.catalogue import sensor_from
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.slip.parameters import SlipMonitor
 
@@ -57,10 +57,13 @@ def read(
     sensor: a built-in name, a TOML file or a `Sensor`, for formats that carry no layout or to replace theirs.
     topic: which one of a bag. columns: how a csv, text or Parquet file is laid out, if not as usual. Raises
     RecordingMissing, FormatUnknown, SensorNeeded, TopicUnclear, RecordingCorrupt, TaxelCountWrong, NameUnknown,
-    ParameterInvalid, ExtraMissing.
+    SensorFileInvalid, ParameterInvalid, ExtraMissing.
     """
     if columns is not None and not isinstance(columns, Columns):
         raise ParameterInvalid("columns", columns, "be a Columns")
+    if not isinstance(path, str | Path):
+        duty = "be a path, or a Recording: taxelflow.recording(t_s, values, sensor) makes one from arrays"
+        raise ParameterInvalid("recording", type(path).__name__, duty)
     path = Path(path)
     suffix = path.suffix.lower()
     if (path / _BAG_DIRECTORY).is_file():
@@ -73,8 +76,8 @@ def read(
         raise FormatUnknown(path, registry.names("reader"))
     if path.is_file() and not path.stat().st_size:
         raise RecordingCorrupt(path, "the file is empty", "record or copy it again")
-    if sensor is not None and not isinstance(sensor, Sensor):
-        sensor = load_sensor(str(sensor))
+    if sensor is not None:
+        sensor = sensor_from(sensor)
     if suffix == _PADS_DIRECTORY and not (
         (columns and columns.pads) or (sensor and any(pad.files for pad in sensor.pads))
     ):
@@ -113,12 +116,13 @@ def recording(
     shear: (scans, taxels, 2) or (scans, rows, cols, 2) of a three-axis sensor, along x (right) and y (up) of the pad,
     same unit. Raises RecordingCorrupt, TaxelCountWrong, NameUnknown, SensorFileInvalid, ParameterInvalid.
     """
-    chosen = sensor if isinstance(sensor, Sensor) else load_sensor(str(sensor))
+    chosen = sensor_from(sensor)
     found = Recording.of_arrays(t_s, values, chosen, shear=shear)
     off = np.zeros(chosen.layout.taxels, dtype=np.bool_)
     for taxel in masked:
-        if not 0 <= taxel < len(off):
-            raise ParameterInvalid("masked", taxel, f"hold numbers from 0 to {len(off) - 1}")
+        whole = isinstance(taxel, int | np.integer) and not isinstance(taxel, bool)
+        if not whole or not 0 <= taxel < len(off):
+            raise ParameterInvalid("masked", taxel, f"hold numbers of taxels, from 0 to {len(off) - 1}")
         off[taxel] = True
     return replace(found, masked=off)
 

@@ -35,9 +35,9 @@ def contact_table(summary: Summary, most: int = 20) -> ContactTable:
             str(contact.slips),
             _measured(contact.path_m, contact.std_path_m),
             _measured(contact.speed_m_s, contact.std_speed_m_s),
-            ", ".join("-" if m is None else f"{1e3 * m:.1f}" for m in contact.net_m),
+            ", ".join("-" if m is None else f"{1e3 * m:z.1f}" for m in contact.net_m),
         ]
-        turn = "-" if contact.turn_rad is None else f"{degrees(contact.turn_rad):.1f}"
+        turn = "-" if contact.turn_rad is None else f"{degrees(contact.turn_rad):z.1f}"
         rows.append([*cells, turn if turns else f"{100 * contact.border_share:.0f} %"])
     return ContactTable(headings, rows, max(len(contacts) - most, 0))
 

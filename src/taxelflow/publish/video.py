@@ -22,10 +22,13 @@ _CRF = "15"
 """Quality of H.264: thin lines blur above."""
 
 
-def check_video(path: Path) -> None:
-    """Refuse a film that could not be written, before the work begins. Raises ParameterInvalid, ExtraMissing."""
+def check_video(path: Path, option: str = "out") -> None:
+    """Refuse a film that could not be written, before the work begins. Raises ParameterInvalid, ExtraMissing.
+
+    option: name of the path in the error.
+    """
     if path.suffix.lower() not in SUFFIXES:
-        raise ParameterInvalid("out", str(path), f"end in {' or '.join(SUFFIXES)}")
+        raise ParameterInvalid(option, str(path), f"end in {' or '.join(SUFFIXES)}")
     if path.suffix.lower() == ".mp4":
         try:
             import imageio_ffmpeg  # noqa: F401  # only whether it is there

@@ -13,7 +13,7 @@ from typing import Any
 
 from taxelflow.errors import GridNameInvalid, NameUnknown, PitchNeeded, SensorFileInvalid
 from taxelflow.runtime import registry
-from taxelflow.sensors.sensor import Sensor, read_sensor, sensor_of, sensor_table, unchecked
+from taxelflow.sensors.sensor import Sensor, checked, read_sensor, sensor_of, sensor_table, unchecked
 
 _PITCH = r"(?P<x>\d+(\.\d+)?)(x(?P<y>\d+(\.\d+)?))?mm"
 _GRID = re.compile(rf"grid:(?P<rows>\d+)x(?P<cols>\d+)@{_PITCH}(,(?P<unit>\w+(/\w+)?))?")
@@ -45,6 +45,14 @@ def catalogue() -> list[tuple[str, Sensor]]:
     return listed + [(name, _announced(name)) for name in registry.names("sensor")]
 
 
+def sensor_from(given: str | Path | Sensor) -> Sensor:
+    """The sensor that a caller in Python gives: by name, by path, or made there.
+
+    Raises what `load_sensor` raises, and SensorFileInvalid for a faulty `Sensor`.
+    """
+    return checked(given) if isinstance(given, Sensor) else load_sensor(given)
+
+
 def load_sensor(name: str | Path) -> Sensor:
     """A built-in sensor, one of another package or a plain grid by name, or one from a TOML file by path.
 
@@ -61,7 +69,7 @@ def load_sensor(name: str | Path) -> Sensor:
     if path.is_file():
         return read_sensor(path)
     if name in registry.names("sensor"):
-        return _announced(name)
+        return checked(_announced(name))
     if path.suffix == ".toml" or path.parent != Path():
         seen = "it is no regular file" if path.exists() else "there is no such file"
         raise SensorFileInvalid(name, "path", seen, "give the path of a TOML file, or a name of `taxelflow sensors`")

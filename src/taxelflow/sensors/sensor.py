@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -199,6 +199,23 @@ def sensor_of(table: object, source: str, folder: Traversable | None = None) -> 
     check_hand(sensor.hand, {pad.name: pad.link for pad in sensor.pads if pad.link is not None}, source)
     _check(sensor, source)
     return sensor
+
+
+def checked(sensor: Sensor) -> Sensor:
+    """A sensor made in Python, checked as a file is; lists and arrays in it become tuples. Raises SensorFileInvalid."""
+    source = f"of {sensor.name!r}, made in Python"
+    try:
+        table = msgspec.to_builtins(sensor, enc_hook=_plain)
+    except (TypeError, NotImplementedError) as error:
+        raise SensorFileInvalid(source, "top level", str(error), "give numbers, text and Pads") from error
+    return sensor_of(table, source)
+
+
+def _plain(value: Any) -> object:
+    """Numbers and lists of numbers of a NumPy scalar or array. Raises NotImplementedError for what is neither."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise NotImplementedError(f"a value is of type {type(value).__name__}")
 
 
 def unchecked(table: object, source: str, folder: Traversable | None) -> Sensor:

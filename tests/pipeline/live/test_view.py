@@ -137,6 +137,9 @@ def test_without_viser_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> No
         (("--sensor", "palmm"), "unknown sensor 'palmm'"),
         (("--sensor", "none.toml"), "there is no such file"),
         (("--method", "foo"), "unknown method 'foo'; known are lnorm, convolution, template,"),
+        (("--from-s", "3"), "--from-s must be left out without --film (got 3.0)"),
+        (("--speed", "0.5"), "--speed must be left out without --film (got 0.5)"),
+        (("--film", "scene.avi"), "--film must end in .gif or .mp4 (got 'scene.avi')"),
         (("--method", "sum", "--method", "tempalte"), "unknown method 'tempalte'; did you mean 'template'?"),
     ],
     ids=lambda one: " ".join(one) if isinstance(one, tuple) else "",
@@ -155,6 +158,7 @@ def test_what_is_missing_is_one_line_without_an_address(tmp_path: Path, capsys: 
     (tmp_path / "summary.json").touch()
     assert "holds results, no recording; give the recording that" in refused(capsys, "view", tmp_path)
     assert "does not exist" in refused(capsys, "view", f"replay:{tmp_path / 'none.npz'}")
+    assert "unknown source 'tpc'; did you mean 'tcp'?" in refused(capsys, "view", "tpc://127.0.0.1:1")
     assert "does not contain its sensor" in refused(capsys, "view", "tcp://127.0.0.1:1")
 
 

@@ -30,6 +30,15 @@ def test_slip_vectors_have_their_scale_and_axes_their_unit(tmp_path: Path) -> No
     assert words.count("y in mm") == 1
 
 
+def test_a_motion_that_rounds_to_nothing_has_no_minus(tmp_path: Path) -> None:
+    pad = Pad(name="pad0", rows=4, cols=6, pitch_m=(0.01, 0.01), origin_m=(0.0, 0.0))
+    moment = Moment("1 s", np.zeros((1, 2)), np.array([[0.03, 0.04]]), np.full(3, -1e-6), np.full(2, np.nan))
+    with styled():
+        figure = field_figure(Sensor(name="grid", unit="Pa", pads=(pad,)).layout, {"mine": [moment]}, "")
+        words = " ".join(svg_words(save(figure, tmp_path / "field.svg")))
+    assert "(+0.0, +0.0) mm/s, +0.00 rad/s" in words
+
+
 def two_pads() -> Sensor:
     pads = [
         Pad(name=f"pad{k}", rows=4, cols=6, pitch_m=(0.01, 0.01), origin_m=(0.1 * k, 0.0), angle_rad=k * np.pi / 2)

@@ -16,7 +16,7 @@ from taxelflow.messages import RawScans
 from taxelflow.numerics.unmasked import floats_of
 from taxelflow.pipeline.api import pipeline_of
 from taxelflow.runtime.adoption import AsRecorded, WhenReady
-from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.catalogue import sensor_from
 from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -58,8 +58,8 @@ class Live:
         adoptions: Iterable[Adoption] | None = None,
         **parameters: Any,
     ) -> None:
-        if isinstance(sensor, (str, Path)):
-            sensor = load_sensor(str(sensor))
+        if isinstance(sensor, (str, Path, Sensor)):
+            sensor = sensor_from(sensor)
         if not isinstance(sensor, Sensor | Recording):
             raise ParameterInvalid("sensor", sensor, "be a name, a TOML file, a Sensor or a Recording")
         recording = sensor if isinstance(sensor, Recording) else Recording.live(sensor)

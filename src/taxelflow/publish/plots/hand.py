@@ -170,8 +170,8 @@ def _numbers(moment: Moment) -> str:
 
 def _twist(name: str, twist: Floats) -> str:
     vx, vy = 1e3 * twist[:2]
-    turn = f"{twist[2]:+.2f} rad/s" if np.isfinite(twist[2]) else "turn unknown"
-    return f"{name}: ({vx:+.1f}, {vy:+.1f}) mm/s, {turn}"
+    turn = f"{twist[2]:+z.2f} rad/s" if np.isfinite(twist[2]) else "turn unknown"
+    return f"{name}: ({vx:+z.1f}, {vy:+z.1f}) mm/s, {turn}"
 
 
 def _draw_frames(axis: Axes, layout: Layout) -> None:
