@@ -3,6 +3,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from synthetic import grid_sensor
 from tabled import arched, hexagonal, table_sensor
 from taxelflow.publish.drawing import draw_sensor
 from taxelflow.sensors.catalogue import load_sensor
+from taxelflow.sensors.hand import HandModelInvalid
 from taxelflow.sensors.pads import Group, Patch
 
 if TYPE_CHECKING:
@@ -63,3 +65,11 @@ def test_the_wiring_is_described_where_it_is_not_plain(capsys: Capture) -> None:
 def test_a_group_of_a_table_lists_its_taxels(capsys: Capture) -> None:
     group = Group(name="rim", patches=(Patch(pad="pad0", taxels=(0, 1, 4)),))
     assert "rim  group of 3 taxels of pad0\n0 1 4\n" in drawn(capsys, table_sensor(hexagonal(1), groups=(group,)))
+
+
+def test_the_joints_of_a_hand_are_named_and_its_links_checked(capsys: Capture) -> None:
+    sensor = load_sensor("barretthand-162")
+    assert "a hand with the joints spread, f1, f2, f3" in drawn(capsys, sensor)
+    pads = (msgspec.structs.replace(sensor.pads[0], link="thumb"), *sensor.pads[1:])
+    with pytest.raises(HandModelInvalid, match="it has no link 'thumb'"):
+        draw_sensor(msgspec.structs.replace(sensor, pads=pads))

@@ -73,7 +73,7 @@ def _taxels() -> Figure:
 
 def _frames() -> Figure:
     caption = (
-        "Frames on the hand laid flat: x of each pad in red, y in blue. The palm's frame is the hand's (the paper's "
+        "Frames on the hand laid flat: x of each pad in orange, y in blue. The palm's frame is the hand's (the paper's "
         "Fig. 6). Groups of the palm, in magenta, have slip vectors of their own."
     )
     return layout_figure(load_sensor(_HAND).layout, caption, numbers=False)

@@ -9,6 +9,9 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
+from taxelflow.errors import ExtraMissing
+from taxelflow.sensors.kinematics import PadKinematics
+
 if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.pads import Pad
@@ -31,13 +34,16 @@ _GRID = _Grid()
 
 
 def draw_sensor(sensor: Sensor) -> None:
-    """Each pad as its taxels' numbers where they lie, row 0 on top; a dot where a grid has none. Then the groups."""
+    """Each pad as its taxels' numbers where they lie, row 0 on top; a dot where a grid has none. Then the groups.
+
+    Raises HandModelInvalid.
+    """
     console, layout = Console(markup=False, highlight=False), sensor.layout
     pads = f"{len(sensor.pads)} pad{'s' if len(sensor.pads) > 1 else ''}"
     console.print(f"{sensor.name}  {layout.taxels} taxels in {pads}, {sensor.unit}", style="bold")
     if sensor.note:
         console.print(sensor.note)
-    if described := _channels(sensor):
+    for described in filter(None, (_channels(sensor), _hand(sensor))):
         console.print(described)
     for index, pad in enumerate(sensor.pads):
         console.print(f"\n{pad.name}  {_size(pad, layout, index)}", style="bold")
@@ -62,6 +68,17 @@ def _size(pad: Pad, layout: Layout, index: int) -> str:
         return f"{pad.rows} rows x {pad.cols} cols, pitch {pitch} mm"
     curved = f"; laid flat, neighbours within {100 * layout.stretch[index]:.1f} %" if len(pad.taxels[0]) > 2 else ""
     return f"{pad.count} taxels, {1e3 * layout.pitch_m[index, 0]:.3g} mm apart{curved}"
+
+
+def _hand(sensor: Sensor) -> str:
+    """The joints that place its pads. Raises HandModelInvalid."""
+    if sensor.hand is None or all(pad.link is None for pad in sensor.pads):
+        return ""
+    try:
+        joints = PadKinematics(sensor).joints
+    except ExtraMissing as error:
+        return f"the hand's model is not checked: {error}"
+    return f"pads on links of a hand with the joints {', '.join(joints)}" if joints else "pads on links without joints"
 
 
 def _channels(sensor: Sensor) -> str:

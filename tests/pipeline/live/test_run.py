@@ -309,6 +309,11 @@ def test_live_needs_a_sensor(sensor: Any) -> None:
         Live(sensor)
 
 
+def test_live_refuses_what_are_no_adoptions() -> None:
+    with pytest.raises(ParameterInvalid, match="adoptions must be those that `adopted` of a former loop gave"):
+        Live(PALM, adoptions="x")  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("order", ["row-major", "column-major"])
 @pytest.mark.parametrize("memory", ["C", "F"])
 def test_live_takes_a_scan_as_the_image_of_a_full_grid(order: str, memory: Any) -> None:

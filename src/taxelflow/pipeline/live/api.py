@@ -71,7 +71,7 @@ class Live:
         self.pads = recording.layout.pads
         self._faults = Faults()
         self._timeline = Timeline(self._faults)
-        self._adopting = WhenReady() if adoptions is None else AsRecorded(adoptions)
+        self._adopting = WhenReady() if adoptions is None else _recorded(adoptions)
         self.run = self.pipeline.start(recording, self._adopting)
 
     @property
@@ -131,3 +131,11 @@ class Live:
 def no_time(columns: int) -> RawScans:
     """A block of no scans."""
     return RawScans(np.zeros(0), np.zeros((0, columns)))
+
+
+def _recorded(adoptions: Iterable[Adoption]) -> AsRecorded:
+    """Raises ParameterInvalid for what are no adoptions."""
+    try:
+        return AsRecorded(adoptions)
+    except (TypeError, ValueError) as error:
+        raise ParameterInvalid("adoptions", adoptions, "be those that `adopted` of a former loop gave") from error
