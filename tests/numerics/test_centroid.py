@@ -125,3 +125,16 @@ def test_saturated_taxels_may_be_wrong_by_what_they_read_all_together() -> None:
     assert np.sqrt(out[0]) == pytest.approx(np.hypot(6 / 5, 1 / 5 / np.sqrt(12)))
     reading = np.array([100.0, 100.0, 1000.0, 100.0, 100.0])  # at the centre it does not matter
     assert covariance(in_line(5), reading, np.full(5, 1e-12), 0.0)[0] < 0.05
+
+
+def test_a_reading_that_is_missing_hardly_moves_the_centre_of_pressure() -> None:
+    axis = np.arange(7.0)
+    places = np.stack([part.ravel() for part in np.meshgrid(axis, axis)])
+    reading = 1000.0 * np.exp(-0.3 * ((places[0] - 3.2) ** 2 + (places[1] - 3.1) ** 2))
+    whole, lacking, none = np.empty(5), np.empty(5), np.zeros(49, np.bool_)
+    pressure_centre(reading, np.ones(49), places, none, whole)
+    for taxel in np.flatnonzero(reading > 300.0).tolist():
+        variance = np.ones(49)
+        variance[taxel] = 0.0
+        pressure_centre(np.where(variance > 0.0, reading, 0.0), variance, places, none, lacking)
+        assert np.hypot(*(lacking - whole)[:2]) < 0.04  # without those next to it, up to 0.2

@@ -64,12 +64,24 @@ def loaded_centroid(reading: Floats, variance: Floats, places: Floats, edge: Boo
         out[0], out[1], out[2], out[3] = x / total, y / total, border / total, total
 
 
+@inlined
+def _around(taxel: int, reading: Floats, variance: Floats, places: Floats) -> float:
+    """Mean of the readings next to a taxel, 0 if there are none: about what it would read itself."""
+    total, count = 0.0, 0
+    for i in range(len(reading)):
+        x, y = places[0, i] - places[0, taxel], places[1, i] - places[1, taxel]
+        if variance[i] > 0.0 and x * x + y * y <= LOADED.rim**2:
+            total, count = total + reading[i], count + 1
+    return total / max(count, 1)
+
+
 @kernel
 def pressure_centre(reading: Floats, variance: Floats, places: Floats, edge: Bools, out: Floats) -> None:
     """Fill out (5,) as `loaded_centroid` does, but of all readings around the contact, and the square of its reach.
 
     A reading next to the contact may hold load, though not surely: without it, the centre is off by up to a tenth of a
-    pitch where few taxels are loaded. Arguments as for `loaded_centroid`, places in pitches.
+    pitch where few taxels are loaded. A masked taxel counts with what those next to it read, or the centre would jump
+    by up to a pitch in a scan that lacks a reading. Arguments as for `loaded_centroid`, places in pitches.
     """
     loaded_centroid(reading, variance, places, edge, out[:4])
     out[4] = 0.0
@@ -85,8 +97,9 @@ def pressure_centre(reading: Floats, variance: Floats, places: Floats, edge: Boo
     reach = np.sqrt(furthest) + LOADED.rim
     total = sx = sy = border = 0.0
     for i in range(len(reading)):
-        x, y, p = places[0, i] - out[0], places[1, i] - out[1], reading[i]
-        if variance[i] > 0.0 and x * x + y * y <= reach * reach:
+        x, y = places[0, i] - out[0], places[1, i] - out[1]
+        if x * x + y * y <= reach * reach:
+            p = reading[i] if variance[i] > 0.0 else _around(i, reading, variance, places)
             total, sx, sy = total + p, sx + p * x, sy + p * y
             border += p if edge[i] else 0.0
     out[0], out[1], out[2], out[3] = out[0] + sx / total, out[1] + sy / total, border / total, total
