@@ -214,6 +214,14 @@ class Estimates:
             unseen=unseen,
         )
 
+    @classmethod
+    def of(cls, t_s: Floats, vectors: Floats, matrices: Floats, scalars: Floats, quality: Bytes) -> Estimates:
+        """Those that share the memory of arrays: of pose and displacement, vectors (2, scans, pads, 3) and matrices
+        (2, scans, pads, 3, 3); of span, lag and disturbance, scalars (3, scans, pads).
+        """
+        (pose, displacement), (covariance, of_displacement), (span_s, lag_s, disturbance) = vectors, matrices, scalars
+        return cls(t_s, displacement, pose, covariance, of_displacement, span_s, lag_s, disturbance, quality)
+
     def __len__(self) -> int:
         return len(self.t_s)
 

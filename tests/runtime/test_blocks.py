@@ -79,7 +79,7 @@ def test_estimates_are_unpacked(seed: int) -> None:
     rows.view(np.float64)[...] = rng.normal(size=rows.view(np.float64).shape)
     found = []
     for function in (unpack, unpack_block):
-        filled = [np.zeros((20, PADS, *size)) for size in ((3,), (3, 3), (3,), (3, 3))] + [np.zeros((3, 20, PADS))]
+        filled = [np.zeros(shape) for shape in ((2, 20, PADS, 3), (2, 20, PADS, 3, 3), (3, 20, PADS))]
         function(rows, *filled)
         found.append(filled)
     assert all(equal(one, other) for one, other in zip(*found, strict=True))

@@ -66,23 +66,10 @@ class CentroidSession:
         """Estimates of all pads; see `EstimatorSession.step`."""
         rows = self.room(len(scans))
         self.run(scans, rows)
-        pose, displacement = np.empty((2, *rows.shape, 3))
-        covariance, displacement_covariance = np.empty((2, *rows.shape, 3, 3))
-        span_s, lag_s, disturbance = scalars = np.empty((3, *rows.shape))
-        (unpack_block if is_block(len(rows), unpack) else unpack)(
-            rows, pose, covariance, displacement, displacement_covariance, scalars
-        )
-        return Estimates(
-            t_s=scans.t_s,
-            displacement=displacement,
-            pose=pose,
-            covariance=covariance,
-            displacement_covariance=displacement_covariance,
-            span_s=span_s,
-            lag_s=lag_s,
-            disturbance=disturbance,
-            quality=np.zeros(rows.shape, dtype=np.uint8),
-        )
+        vectors, matrices = np.empty((2, *rows.shape, 3)), np.empty((2, *rows.shape, 3, 3))
+        scalars = np.empty((3, *rows.shape))
+        (unpack_block if is_block(len(rows), unpack) else unpack)(rows, vectors, matrices, scalars)
+        return Estimates.of(scans.t_s, vectors, matrices, scalars, np.zeros(rows.shape, dtype=np.uint8))
 
     def finish(self) -> Estimates:
         """Nothing is held back."""
@@ -95,19 +82,9 @@ def pad_gains(layout: Layout, gain: float, calibrated: Floats | None) -> Floats:
     return factors
 
 
-def unpack_block(
-    rows: Records,
-    pose: Floats,
-    covariance: Floats,
-    displacement: Floats,
-    displacement_covariance: Floats,
-    scalars: Floats,
-) -> None:
+def unpack_block(rows: Records, vectors: Floats, matrices: Floats, scalars: Floats) -> None:
     """`unpack` in NumPy."""
-    for estimate, vector, matrix in (
-        (rows["pose"], pose, covariance),
-        (rows["displacement"], displacement, displacement_covariance),
-    ):
+    for estimate, vector, matrix in zip((rows["pose"], rows["displacement"]), vectors, matrices, strict=True):
         for a, name in enumerate(("x", "y", "theta")):
             vector[..., a], matrix[..., a, a] = estimate[name], estimate[f"var_{name}"]
         for a, b, name in ((0, 1, "cov_xy"), (0, 2, "cov_x_theta"), (1, 2, "cov_y_theta")):
@@ -117,23 +94,13 @@ def unpack_block(
 
 
 @kernel
-def unpack(
-    rows: Records,
-    pose: Floats,
-    covariance: Floats,
-    displacement: Floats,
-    displacement_covariance: Floats,
-    scalars: Floats,
-) -> None:
-    """Fill pose ... displacement_covariance, arrays of `Estimates`, from rows (scans, pads).
-
-    scalars: (3, scans, pads), span, lag and disturbance.
-    """
+def unpack(rows: Records, vectors: Floats, matrices: Floats, scalars: Floats) -> None:
+    """Fill the arrays of `Estimates.of` from rows (scans, pads)."""
     for scan in range(rows.shape[0]):
         for pad in range(rows.shape[1]):
             row: Row = rows[scan, pad]
-            _unpack_estimate(row.pose, pose[scan, pad], covariance[scan, pad])
-            _unpack_estimate(row.displacement, displacement[scan, pad], displacement_covariance[scan, pad])
+            _unpack_estimate(row.pose, vectors[0, scan, pad], matrices[0, scan, pad])
+            _unpack_estimate(row.displacement, vectors[1, scan, pad], matrices[1, scan, pad])
             scalars[0, scan, pad], scalars[1, scan, pad] = row.span_s, row.lag_s
             scalars[2, scan, pad] = row.disturbance
 

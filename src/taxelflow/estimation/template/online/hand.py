@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from taxelflow.estimation.template.levenberg_marquardt import ROOM
 from taxelflow.estimation.template.linearization import PACKED, lanes_for
 from taxelflow.estimation.template.observations import delays_of
-from taxelflow.messages import Bools, Estimates, Floats
+from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.bspline import STATE
 from taxelflow.numerics.cut import open_sides
 
@@ -126,21 +126,3 @@ def room_for(scans: Scans) -> Rows:
     """Rows to be filled in."""
     shape = scans.contact.shape
     return Rows(np.empty((2, *shape, 3)), np.empty((2, *shape, 3, 3)), np.empty((3, *shape)), np.empty(shape, np.uint8))
-
-
-def estimates_of(t_s: Floats, rows: Rows) -> Estimates:
-    """Estimates that share the memory of rows. t_s: (scans,)."""
-    pose, displacement = rows.vectors
-    covariance, displacement_covariance = rows.matrices
-    span_s, lag_s, disturbance = rows.scalars
-    return Estimates(
-        t_s=t_s,
-        displacement=displacement,
-        pose=pose,
-        covariance=covariance,
-        displacement_covariance=displacement_covariance,
-        span_s=span_s,
-        lag_s=lag_s,
-        disturbance=disturbance,
-        quality=rows.quality,
-    )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits
-from taxelflow.estimation.template.online.hand import POSE, Rows, Scan, estimates_of, room_for
+from taxelflow.estimation.template.online.hand import POSE, Rows, Scan, room_for
 from taxelflow.estimation.template.online.local_maps import LocalMaps
 from taxelflow.estimation.template.online.mapping_thread import Workers
 from taxelflow.estimation.template.online.prediction import change, expected
@@ -87,7 +87,7 @@ class StreamSession:
             reading = scans.pressure[k]
             scan = Scan(float(scans.t_s[k]), reading, variance, scans.ceiling, reading, scans.contact[k])
             self._scan(k, scan, rows)
-        return estimates_of(scans.t_s, rows)
+        return Estimates.of(scans.t_s, rows.vectors, rows.matrices, rows.scalars, rows.quality)
 
     def finish(self) -> Estimates:
         """Nothing is held back."""
