@@ -51,6 +51,7 @@ class StickingPoses:
         away_m = touched_m[scans, pads] - pose[scans, pads, :2]
         pose[scans, pads] += (gain @ away_m[..., np.newaxis])[..., 0]
         covariance[scans, pads] -= gain @ shared.transpose(0, 2, 1)
-        displacement[scans, pads, :2] = 0.0
+        moved = displacement[scans, pads, :2]
+        displacement[scans, pads, :2] = np.where(np.isfinite(moved), 0.0, moved)  # the first of a contact has none
         quality[scans, pads] = np.where(quality[scans, pads] == AMBIGUOUS, OK, quality[scans, pads])
         return replace(slips, pose=pose, covariance=covariance, displacement=displacement, quality=quality)
