@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 
 from linked import carried, linked_hand
+from synthetic import assert_same
 from taxelflow.acquire.joints import asked_joints, constant_joints, joints_of
 from taxelflow.cli import main
 from taxelflow.fusion.spatial.places import Places
-from taxelflow.pipeline.api import convert, read, recording
+from taxelflow.messages import cut, joined
+from taxelflow.pipeline.api import convert, estimator, read, recording
+from taxelflow.pipeline.stages import Pipeline
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.hand import JointsInvalid
 from taxelflow.sensors.kinematics import PadKinematics
@@ -73,6 +78,21 @@ def test_a_recording_without_angles_names_the_option_to_give_them(tmp_path: Path
 def test_there_is_no_note_where_all_angles_are_known(tmp_path: Path, capsys: Capture) -> None:
     code, said, placed = _estimated(tmp_path, capsys, joints=True)
     assert (code, placed > 0, "space" in said) == (0, True, False)
+
+
+def test_errors_of_joint_angles_count_alike_in_all_blocks(tmp_path: Path) -> None:
+    held = read(carried(tmp_path, "held.npz", stays=True))
+    hand = msgspec.structs.replace(held.sensor.hand, joint_std_rad=1e-5)
+    held, raw = replace(held, sensor=msgspec.structs.replace(held.sensor, hand=hand)), held.load()
+    found = []
+    for blocks in ([cut(raw, scan, scan + 1) for scan in range(len(raw))], [raw]):
+        run = Pipeline(estimator("lnorm"), mode="stream").start(held)
+        found.append(joined([*map(run.step, blocks), run.finish()]).spatial)
+    one, whole = found
+    assert one is not None
+    assert whole is not None
+    assert (one.rank > 0).any()
+    assert_same(one, whole)
 
 
 @pytest.mark.parametrize(
