@@ -80,6 +80,21 @@ def test_there_is_no_note_where_all_angles_are_known(tmp_path: Path, capsys: Cap
     assert (code, placed > 0, "space" in said) == (0, True, False)
 
 
+def test_frames_of_pads_that_are_read_late_in_some_scans_are_those_of_each_scan_alone(tmp_path: Path) -> None:
+    sensor = linked_hand(tmp_path)
+    turned = tuple(
+        msgspec.structs.replace(pad, pose=(0.01 * k, 0.02, 0.03, *(0.5 * np.array([0.6, 0.8, -1.0, 2**0.5])).tolist()))
+        for k, pad in enumerate(sensor.pads)
+    )
+    sensor = msgspec.structs.replace(sensor, pads=turned)
+    places = Places(sensor, constant_joints({"slide": 0.01}, sensor))
+    random = np.random.default_rng(0)
+    point, t_s = random.uniform(-0.01, 0.01, (60, 2, 2)), np.repeat(0.01 * np.arange(60.0)[:, np.newaxis], 2, axis=1)
+    t_s[30:, 1] += 0.003
+    single = [places.frames(t_s[scan : scan + 1], point[scan : scan + 1]) for scan in range(60)]
+    assert np.array_equal(places.frames(t_s, point), np.concatenate(single))
+
+
 def test_errors_of_joint_angles_count_alike_in_all_blocks(tmp_path: Path) -> None:
     held = read(carried(tmp_path, "held.npz", stays=True))
     hand = msgspec.structs.replace(held.sensor.hand, joint_std_rad=1e-5)
