@@ -202,7 +202,7 @@ def advance(
         update_yaw(track, turns)
         earlier = np.zeros((3, len(now)))
         earlier_gains(spline, surface.lattice, points, fit.state, g, earlier)
-        propagate(own, earlier, last, track.covariance, step_matrix)
+        propagate(own, earlier, last, track, step_matrix)
         add_step(fit.state, hidden_shares(fit, points, taxels.share), track)
         out.span_s[k, pad] = block.t_s[k] - track.t_s
         write_step(fit.state, turns, taxels.units, out.displacement[k, pad], step_matrix)
