@@ -72,6 +72,23 @@ def test_what_does_not_stick_or_is_lost_stays_as_it_is() -> None:
     assert (held(slips([0.0, 0.01], quality=LOST)).quality == LOST).all()
 
 
+def test_a_pose_that_may_be_anywhere_along_one_axis_keeps_variances_above_0() -> None:
+    open_ = slips([0.0, 0.001, 0.002])
+    along = np.array([0.6, 0.8])
+    open_.covariance[..., :2, :2] = 1e6 * np.outer(along, along) + 1e-9 * np.eye(2)
+    left = held(open_).covariance[:, 0, :2, :2]
+    assert_allclose(left @ along, np.broadcast_to(PRIOR_M**2 * along, (3, 2)), rtol=1e-6)
+    assert (np.linalg.eigvalsh(left) > -1e-6 * PRIOR_M**2).all()
+
+
+def test_the_first_scan_of_a_contact_has_no_displacement() -> None:
+    begun = slips([0.0, 0.001])
+    begun.displacement[0] = np.nan
+    found = held(begun)
+    assert np.isnan(found.displacement[0]).all()
+    assert not found.displacement[1, 0, :2].any()
+
+
 def test_an_object_that_is_touched_again_has_another_place() -> None:
     found = held(slips([0.0, 0.0, np.nan, 0.0071], touching="xx.x"))
     assert found.pose[3, 0, 0] == 0.0071

@@ -84,6 +84,16 @@ def test_an_unknown_coordinate_counts_for_nothing(unknown: tuple[int, ...]) -> N
     assert translation_variance(covariance) == pytest.approx(np.mean(np.diag(matrix)[places]))
 
 
+def test_a_covariance_that_is_singular_to_rounding_has_a_factor() -> None:
+    singular = np.diag([131391.9, 129337.9, 0.01])
+    singular[0, 1] = singular[1, 0] = -130360.9
+    assert np.linalg.det(singular) < 0.0
+    factor = records(Cholesky, 1)
+    assert factorize(packed(singular), factor[0])
+    residual = np.array([1.0, 1.0, 0.1])
+    assert np.isfinite(whiten(factor[0], residual))
+
+
 def test_a_multiple_of_a_covariance_keeps_what_is_unknown() -> None:
     matrix = np.array([[2.0, 0.5, 0.3], [0.5, 1.0, -0.2], [0.3, -0.2, 3.0]])
     covariance = packed(matrix, 2)

@@ -46,11 +46,25 @@ class StickingPoses:
         pose, covariance = slips.pose.copy(), slips.covariance.copy()
         displacement, quality = slips.displacement.copy(), slips.quality.copy()
         shared = np.nan_to_num(covariance[scans, pads, :, :2])  # an angle that is unknown has no covariance
-        prior = self._variance[pads, np.newaxis, np.newaxis] * np.eye(2)
-        gain = shared @ np.linalg.inv(shared[:, :2] + prior)
+        gain, left = _combined(shared, self._variance[pads])
         away_m = touched_m[scans, pads] - pose[scans, pads, :2]
         pose[scans, pads] += (gain @ away_m[..., np.newaxis])[..., 0]
-        covariance[scans, pads] -= gain @ shared.transpose(0, 2, 1)
-        displacement[scans, pads, :2] = 0.0
+        covariance[scans, pads, 2, 2] -= (gain[:, 2] * shared[:, 2]).sum(axis=1)
+        covariance[scans, pads, :, :2] = np.where(np.isfinite(covariance[scans, pads, :, :2]), left, np.nan)
+        covariance[scans, pads, :2, 2] = covariance[scans, pads, 2, :2]
+        moved = displacement[scans, pads, :2]
+        displacement[scans, pads, :2] = np.where(np.isfinite(moved), 0.0, moved)  # the first of a contact has none
         quality[scans, pads] = np.where(quality[scans, pads] == AMBIGUOUS, OK, quality[scans, pads])
         return replace(slips, pose=pose, covariance=covariance, displacement=displacement, quality=quality)
+
+
+def _combined(shared: Floats, variance: Floats) -> tuple[Floats, Floats]:
+    """Gain (n, 3, 2), and what a prior (n,) of each place leaves of covariances (n, 3, 2) of poses with their places.
+
+    Along the axes of the places' covariances, where nothing cancels: one may be that of an object that is anywhere.
+    """
+    own, axes = np.linalg.eigh(shared[:, :2])
+    turned, total = shared @ axes, (np.maximum(own, 0.0) + variance[:, np.newaxis])[:, np.newaxis]
+    turned[:, :2] = axes * np.maximum(own, 0.0)[:, np.newaxis]
+    back = axes.transpose(0, 2, 1)
+    return turned / total @ back, variance[:, np.newaxis, np.newaxis] * turned / total @ back

@@ -38,7 +38,7 @@ class PadSurface:
         """
         if self.flat:
             F = np.tile(self.plane, (len(xy), 1, 1))
-            F[:, :3, 3] += xy @ self.plane[:3, :2].T
+            F[:, :3, 3] += _each(xy, self.plane[:3, :2].T)
             return F
         F = np.full((len(xy), 4, 4), np.nan)
         known = np.isfinite(xy).all(axis=1)
@@ -50,18 +50,27 @@ class PadSurface:
     def _fitted(self, weight: Floats, at: Floats) -> Floats:
         """Frames (n, 4, 4) at places (n, 2) by weights (n, taxels)."""
         weight = weight / weight.sum(axis=1, keepdims=True)
-        mean_xy, mean = weight @ self._xy, weight @ self._place
+        mean_xy, mean = _each(weight, self._xy), _each(weight, self._place)
         off = self._xy - mean_xy[:, np.newaxis]
-        spread = np.einsum("nt,nti,ntj->nij", weight, off, off) + ROUNDING**2 * np.eye(2)
-        crossed = np.einsum("nt,nti,tj->nij", weight, off, self._place)
-        tangents = np.linalg.solve(spread, crossed)
-        z = weight @ self._normal
+        weighed = (weight[..., np.newaxis] * off).transpose(0, 2, 1)
+        spread = weighed @ off + ROUNDING**2 * np.eye(2)
+        tangents = np.asarray(np.linalg.solve(spread, weighed @ self._place), np.float64)
+        z = _each(weight, self._normal)
         z /= np.linalg.norm(z, axis=1, keepdims=True)
         x = tangents[:, 0] - np.sum(tangents[:, 0] * z, axis=1, keepdims=True) * z
         length = np.linalg.norm(x, axis=1, keepdims=True)
         x = np.where(length > ROUNDING, x / np.where(length > ROUNDING, length, 1.0), [1.0, 0.0, 0.0])
         F = np.zeros((len(at), 4, 4))
         F[:, :3, 0], F[:, :3, 1], F[:, :3, 2] = x, np.cross(z, x), z
-        F[:, :3, 3] = mean + np.einsum("nij,ni->nj", tangents, at - mean_xy)
+        F[:, :3, 3] = mean + _each(at - mean_xy, tangents)
         F[:, 3, 3] = 1.0
         return F
+
+
+def _each(rows: Floats, matrix: Floats) -> Floats:
+    """(n, m), each of rows (n, k) times a matrix (k, m), or its own of (n, k, m).
+
+    One by one, as a product of all at once rounds otherwise than that of a single row.
+    """
+    product: Floats = (rows[:, np.newaxis] @ matrix)[:, 0]
+    return product

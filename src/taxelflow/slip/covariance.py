@@ -6,6 +6,7 @@ import numpy as np
 
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Vector
+from taxelflow.numerics.rounding import NEGLIGIBLE
 from taxelflow.runtime.compiling import routine
 
 
@@ -59,18 +60,19 @@ def translation_axes(covariance: Covariance) -> int:
 def factorize(covariance: Covariance, factor: Cholesky) -> bool:
     """Fill the Cholesky factor; True if theta is known.
 
-    The diagonal entry of an unknown coordinate is infinite, so that whitening makes its residual 0.
+    The diagonal entry of an unknown coordinate is infinite, so that whitening makes its residual 0. Of a singular
+    covariance rounding may leave less than 0.
     """
     xx, yy, tt = covariance.variance[0], covariance.variance[1], covariance.variance[2]
     factor.xx = np.inf if np.isnan(xx) else np.sqrt(xx)
     factor.yx = covariance.xy / factor.xx
-    factor.yy = np.inf if np.isnan(yy) else np.sqrt(yy - factor.yx * factor.yx)
+    factor.yy = np.inf if np.isnan(yy) else np.sqrt(max(yy - factor.yx * factor.yx, NEGLIGIBLE * yy))
     if np.isnan(tt):
         factor.tx, factor.ty, factor.tt = 0.0, 0.0, np.inf
         return False
     factor.tx = covariance.xt / factor.xx
     factor.ty = (covariance.yt - factor.tx * factor.yx) / factor.yy
-    factor.tt = np.sqrt(tt - factor.tx * factor.tx - factor.ty * factor.ty)
+    factor.tt = np.sqrt(max(tt - factor.tx * factor.tx - factor.ty * factor.ty, NEGLIGIBLE * tt))
     return True
 
 

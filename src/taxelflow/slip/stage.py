@@ -76,8 +76,8 @@ class SlipStage:
         self._odds = (LiveOdds if stream else OfflineOdds)(layout.pitch_m)
         self._agreement = PadAgreement(layout, alarms_per_hour, creep_m_s, load_m)
         self._verdict = Verdict(layout, stream=stream, judged=judged)
-        self._sticking, self._begun = Sticking(len(pads)), Begun(len(pads))
         self._shifts, self._ahead_s = ShiftingLoad(layout), 0.0 if stream else AHEAD_S
+        self._sticking, self._begun = Sticking(len(pads), self._ahead_s), Begun(len(pads))
         if stream:
             self._shifts.prepare()
         self._since_s: list[Floats] = []  # when patterns consent, of scans that are not judged yet
@@ -125,7 +125,7 @@ class SlipStage:
                 of_posed = cut(of_posed, first, first + len(posed))
             changes, bins = self._taken(len(posed)), self._watch.completed or []
             if self._sheared:
-                self._sticking.see(changes.spread)
+                self._sticking.see(changes.t_s, changes.spread)
             consent = self._shifts.step(of_posed, detected.events, changes, bins)
             bins.clear()
             self._since_s.append(consent.since_s)
@@ -162,7 +162,7 @@ class SlipStage:
         statistic = statistics[:count]
         if np.count_nonzero(odds.restless):
             statistic = np.where(odds.restless, np.exp(np.clip(decisive, -MAX_EXPONENT, MAX_EXPONENT)), statistic)
-        sticks = self._sticking.step(slips.contact, slipping, odds.log_odds) if self._sheared else None
+        sticks = self._sticking.step(slips.t_s, slips.contact, slipping, odds.log_odds) if self._sheared else None
         events = [*complete, *self._completed.finish()] if last else complete
         return Judged(slipping, odds.log_odds, statistic, events, sticks, begun_s)
 

@@ -18,14 +18,18 @@ if TYPE_CHECKING:
 class Sticking:
     """Follows the contacts of all pads."""
 
-    def __init__(self, pads: int) -> None:
-        self._sticks, self._witnessed = np.ones(pads, dtype=np.bool_), np.zeros(pads, dtype=np.bool_)
+    def __init__(self, pads: int, ahead_s: float = 0.0) -> None:
+        """ahead_s: how far ahead of a scan that is judged others have been seen: half of it counts, in any blocks."""
+        self._sticks, self._ahead_s = np.ones(pads, dtype=np.bool_), 0.5 * ahead_s
+        self._witnessed_s = np.full(pads, np.inf)
+        """Since when shear has changed."""
 
-    def see(self, spread: Floats) -> None:
+    def see(self, t_s: Floats, spread: Floats) -> None:
         """Changes of shear of scans that are judged next, see `shear_change`. spread: (scans, pads); NaN if none."""
-        self._witnessed |= np.isfinite(spread).any(axis=0)
+        times = np.where(np.isfinite(spread), t_s[:, np.newaxis], np.inf)
+        self._witnessed_s = np.minimum(self._witnessed_s, times.min(axis=0, initial=np.inf))
 
-    def step(self, contact: Bools, slipping: Bools, log_odds: Floats) -> Bools:
+    def step(self, t_s: Floats, contact: Bools, slipping: Bools, log_odds: Floats) -> Bools:
         """(scans, pads), whether an object sticks.
 
         slipping: (scans, pads). log_odds: (scans, pads), of a slip; NaN where unknown.
@@ -35,4 +39,4 @@ class Sticking:
         for scan, touching in enumerate(contact):
             self._sticks = ~touching | (self._sticks & ~shown[scan])
             sticks[scan] = self._sticks
-        return sticks & contact & np.isfinite(log_odds) & self._witnessed
+        return sticks & contact & np.isfinite(log_odds) & (self._witnessed_s <= t_s[:, np.newaxis] + self._ahead_s)

@@ -384,3 +384,12 @@ def test_the_teapots_handle_turns(recordings: Path, mode: str) -> None:
     assert (
         75 < np.nanmedian(theta[-5:]) - np.nanmin(theta[:10]) < 125
     )  # the truth is 110 to 120; many small steps add up their errors
+
+
+def test_readings_without_noise_have_poses_with_a_covariance() -> None:
+    sensor = grid_sensor(5, 3)
+    values = np.zeros((4, 15))
+    values[:, 2] = 0.025
+    slips = seen(values, sensor=sensor, noise=1e-150)
+    assert np.isfinite(slips.pose[:, 0, :2]).all()
+    assert np.isfinite(np.diagonal(slips.covariance[:, 0, :2, :2], axis1=1, axis2=2)).all()

@@ -33,17 +33,27 @@ UNITS = np.array([0.002, 0.002, 1.0])
 def test_noise_that_a_scan_brings_into_two_steps_cancels_in_the_pose() -> None:
     random = np.random.default_rng(0)
     g, variance = random.normal(0, 1, (3, 10)), random.uniform(1, 2, 10)
-    own = (g * variance) @ g.T
     reading = np.ones(10)
     reading[4] = 0.0  # no noise
     known = variance.copy()
     known[4] = 0.0
     last = Last(reading, variance, g, np.zeros((4, 4)))
-    earlier, total, step = random.normal(0, 1, (3, 10)), own.copy(), np.empty((3, 3))
-    propagate(own, earlier, last, total, step)
+    own = (g * known) @ g.T
+    earlier, track, step = random.normal(0, 1, (3, 10)), records(Track, 1)[0], np.empty((3, 3))
+    propagate(own, earlier, last, track, step)
     np.testing.assert_allclose(step, own + (earlier * known) @ earlier.T)
     mixed = (g * known) @ earlier.T
-    np.testing.assert_allclose(total, 2 * own + (earlier * known) @ earlier.T - mixed - mixed.T)
+    np.testing.assert_allclose(track["covariance"], 2 * own + (earlier * known) @ earlier.T - mixed - mixed.T)
+
+
+def test_noise_that_cancels_to_rounding_leaves_no_variance_below_0() -> None:
+    g = 1e9 * np.array([[1.0, 0.7], [0.3, -0.2], [0.1, 0.9]])
+    last = Last(np.ones(2), np.array([1.0, 1.5]), g, np.zeros((4, 4)))
+    track, step = records(Track, 1)[0], np.empty((3, 3))
+    for _ in range(50):
+        propagate(1e-6 * np.eye(3), g * (1.0 + 1e-15), last, track, step)
+    assert (np.diag(track["covariance"]) >= 1e-6).all()
+    assert np.array_equal(track["covariance"], track["covariance"].T)
 
 
 def test_the_pose_has_an_error_of_3_percent_of_its_path() -> None:

@@ -103,3 +103,15 @@ def test_poses_have_it_and_steps_between_them_do_not() -> None:
     assert wide.steps(scanned.t_s, heard)[1][1:] == pytest.approx(
         poses.steps(scanned.t_s, heard)[1][1:], rel=1e-6, abs=1e-9
     )
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_what_takes_all_of_a_covariance_away_leaves_no_variance_below_0(*, turns: bool) -> None:
+    _, scanned, states, precision = sliding(12)
+    solved = coarse(scanned, states, turns=turns)
+    information = information_of(solved.pattern, scanned, solved.states, ERROR, precision)
+    poses = poses_of(solved, scanned, information, 2.0)
+    taken = -np.linalg.inv(information) * (1.0 + 1e-11)  # as of a single scan, with an error of rounding
+    left = np.diagonal(poses.with_map(taken, solved, scanned, 2.0).covariance, axis1=1, axis2=2)
+    assert (left[:, : 3 if turns else 2] > 0.0).all()
+    assert (left[:, :2] < 1e-8 * np.diagonal(poses.covariance, axis1=1, axis2=2)[:, :2]).all()

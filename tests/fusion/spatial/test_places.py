@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 
 from linked import carried, linked_hand
+from synthetic import assert_same
 from taxelflow.acquire.joints import asked_joints, constant_joints, joints_of
 from taxelflow.cli import main
 from taxelflow.fusion.spatial.places import Places
-from taxelflow.pipeline.api import convert, read, recording
+from taxelflow.messages import cut, joined
+from taxelflow.pipeline.api import convert, estimator, read, recording
+from taxelflow.pipeline.stages import Pipeline
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.hand import JointsInvalid
 from taxelflow.sensors.kinematics import PadKinematics
@@ -73,6 +78,36 @@ def test_a_recording_without_angles_names_the_option_to_give_them(tmp_path: Path
 def test_there_is_no_note_where_all_angles_are_known(tmp_path: Path, capsys: Capture) -> None:
     code, said, placed = _estimated(tmp_path, capsys, joints=True)
     assert (code, placed > 0, "space" in said) == (0, True, False)
+
+
+def test_frames_of_pads_that_are_read_late_in_some_scans_are_those_of_each_scan_alone(tmp_path: Path) -> None:
+    sensor = linked_hand(tmp_path)
+    turned = tuple(
+        msgspec.structs.replace(pad, pose=(0.01 * k, 0.02, 0.03, *(0.5 * np.array([0.6, 0.8, -1.0, 2**0.5])).tolist()))
+        for k, pad in enumerate(sensor.pads)
+    )
+    sensor = msgspec.structs.replace(sensor, pads=turned)
+    places = Places(sensor, constant_joints({"slide": 0.01}, sensor))
+    random = np.random.default_rng(0)
+    point, t_s = random.uniform(-0.01, 0.01, (60, 2, 2)), np.repeat(0.01 * np.arange(60.0)[:, np.newaxis], 2, axis=1)
+    t_s[30:, 1] += 0.003
+    single = [places.frames(t_s[scan : scan + 1], point[scan : scan + 1]) for scan in range(60)]
+    assert np.array_equal(places.frames(t_s, point), np.concatenate(single))
+
+
+def test_errors_of_joint_angles_count_alike_in_all_blocks(tmp_path: Path) -> None:
+    held = read(carried(tmp_path, "held.npz", stays=True))
+    hand = msgspec.structs.replace(held.sensor.hand, joint_std_rad=1e-5)
+    held, raw = replace(held, sensor=msgspec.structs.replace(held.sensor, hand=hand)), held.load()
+    found = []
+    for blocks in ([cut(raw, scan, scan + 1) for scan in range(len(raw))], [raw]):
+        run = Pipeline(estimator("lnorm"), mode="stream").start(held)
+        found.append(joined([*map(run.step, blocks), run.finish()]).spatial)
+    one, whole = found
+    assert one is not None
+    assert whole is not None
+    assert (one.rank > 0).any()
+    assert_same(one, whole)
 
 
 @pytest.mark.parametrize(

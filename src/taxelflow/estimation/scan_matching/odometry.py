@@ -49,7 +49,7 @@ from taxelflow.numerics.bspline import STATE, State, put
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
-from taxelflow.numerics.rounding import OBSERVABLE
+from taxelflow.numerics.rounding import NEGLIGIBLE, OBSERVABLE
 from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
@@ -135,9 +135,9 @@ def follow(block: Block, taxels: Taxels, spline: Interpolant, tracks: Records, l
 @routine
 def prepare(pressure: Floats, noise: Floats, is_complete: bool, now: Floats, variance: Floats) -> bool:
     """Fill now and variance, all (taxels,). In an incomplete scan readings of 0 are missing; is one of a live taxel?"""
-    has_missing = False
+    has_missing, least = False, NEGLIGIBLE * np.abs(pressure).max()  # with less noise, weights are beyond all numbers
     for i in range(len(pressure)):
-        now[i], variance[i] = pressure[i], noise[i] * noise[i]
+        now[i], variance[i] = pressure[i], max(noise[i], least) ** 2 if noise[i] > 0.0 else 0.0
         if not is_complete and now[i] == 0.0:
             has_missing = has_missing or noise[i] > 0.0
             variance[i] = 0.0
@@ -202,7 +202,7 @@ def advance(
         update_yaw(track, turns)
         earlier = np.zeros((3, len(now)))
         earlier_gains(spline, surface.lattice, points, fit.state, g, earlier)
-        propagate(own, earlier, last, track.covariance, step_matrix)
+        propagate(own, earlier, last, track, step_matrix)
         add_step(fit.state, hidden_shares(fit, points, taxels.share), track)
         out.span_s[k, pad] = block.t_s[k] - track.t_s
         write_step(fit.state, turns, taxels.units, out.displacement[k, pad], step_matrix)

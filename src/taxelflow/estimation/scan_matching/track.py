@@ -29,8 +29,9 @@ class Last(NamedTuple):
 class Track:
     """What is known of a contact, lengths in pitches; running: the last scan can be registered on, t_s: its time.
 
-    pose, covariance: since the contact began. path: sum of the steps; hidden: of what errors that stay with the taxels
-    may have hidden of them; drift: covariance by such errors. yaw: one of `odometry.YAW_UNKNOWN` ...
+    pose, covariance: since the contact began; older: that of the scans before the last. path: sum of the steps; hidden:
+    of what errors that stay with the taxels may have hidden of them; drift: covariance by such errors. yaw: one of
+    `odometry.YAW_UNKNOWN` ...
     """
 
     running: bool
@@ -41,6 +42,7 @@ class Track:
     hidden: Vector
     covariance: Annotated[Floats, 3, 3]
     drift: Annotated[Floats, 3, 3]
+    older: Annotated[Floats, 3, 3]
 
 
 @routine
@@ -49,7 +51,7 @@ def begin_sums(track: Track) -> None:
     for a in range(3):
         track.path[a] = track.hidden[a] = 0.0
         for b in range(3):
-            track.drift[a, b] = 0.0
+            track.drift[a, b] = track.older[a, b] = 0.0
 
 
 @routine
@@ -62,21 +64,22 @@ def add_step(state: Floats, hidden: Floats, track: Track) -> None:
 
 
 @routine
-def propagate(own: Floats, earlier: Floats, last: Last, total: Floats, step: Floats) -> None:
-    """Fill step (3, 3) with the covariance of a displacement, and add it to the pose's, total (3, 3).
+def propagate(own: Floats, earlier: Floats, last: Last, track: Track, step: Floats) -> None:
+    """Fill step (3, 3) with the covariance of a displacement, and bring the pose's up to date.
 
-    own: G N1 G^T of this scan. earlier: (3, taxels), G' of the last one, whose noise is in the pose already, by G.
+    own: G N1 G^T of this scan. earlier: (3, taxels), G' of the last one, whose noise is in the pose already, by G: what
+    is left of it, G - G', is summed up, as the difference of large parts would be rounded to a variance below 0.
     """
     for a in range(3):
         for b in range(3):
-            mine = mixed = 0.0
+            mine = left = 0.0
             for i in range(len(last.reading)):
                 variance = last.variance[i] if last.reading[i] != 0.0 else 0.0
                 mine += earlier[a, i] * earlier[b, i] * variance
-                mixed += last.gains[a, i] * earlier[b, i] * variance
-                mixed += last.gains[b, i] * earlier[a, i] * variance
+                left += (last.gains[a, i] - earlier[a, i]) * (last.gains[b, i] - earlier[b, i]) * variance
             step[a, b] = own[a, b] + mine
-            total[a, b] += own[a, b] + mine - mixed
+            track.older[a, b] += left
+            track.covariance[a, b] = own[a, b] + track.older[a, b]
 
 
 @inlined

@@ -11,7 +11,7 @@ from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED
 from taxelflow.numerics.bspline import STATE, states_of
 from taxelflow.numerics.geometry import rotation, turned
 from taxelflow.numerics.robust import GATE
-from taxelflow.numerics.rounding import BLURRED, NEGLIGIBLE
+from taxelflow.numerics.rounding import BLURRED, NEGLIGIBLE, ROUNDING
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
@@ -96,7 +96,8 @@ class Poses:
     def with_map(self, error: Floats, solved: Solved, scanned: Scanned, pitch_m: float) -> Poses:
         """With the map's part (scans, 5, 5) of the states' covariance, see `map_doubt`, in that of the poses."""
         lever = _lever(solved.states, solved.middle(scanned), pitch_m, turns=solved.turns)
-        return self._sharing(lever @ error[:, :3, :3] @ lever.transpose(0, 2, 1), pitch_m)
+        shared = lever @ error[:, :3, :3] @ lever.transpose(0, 2, 1)
+        return self._sharing(shared * _short_of_all(shared, self.covariance)[:, np.newaxis, np.newaxis], pitch_m)
 
     def with_noise(self, information: Floats, solved: Solved, scanned: Scanned, pitch_m: float) -> Poses:
         """With the noise of scans by the states' information (scans, 5, 5) without unseen errors, where that is less.
@@ -159,6 +160,20 @@ def arm_of(centre: Floats, states: Floats) -> Floats:
     parts = states_of(states)
     arm: Floats = np.exp(parts.size)[:, np.newaxis] * turned(centre, parts.theta)
     return arm
+
+
+def _short_of_all(shared: Floats, covariance: Floats) -> Floats:
+    """(scans,), factors on what is added to covariances (scans, 3, 3), NaN where a turn is unknown.
+
+    1, or a little less where that takes all of a covariance away, as of the only scan of a contact, whose place defines
+    the object's frame: the sum would be what rounding leaves, of either sign.
+    """
+    own = np.nan_to_num(covariance)
+    std = np.sqrt(np.maximum(np.diagonal(own, axis1=1, axis2=2), 0.0))
+    scale = std[:, :, np.newaxis] * std[:, np.newaxis, :]
+    left = np.divide(own + np.nan_to_num(shared), scale, out=np.zeros_like(own), where=scale > 0.0)
+    left[..., range(3), range(3)] += std == 0.0
+    return np.where(np.linalg.eigvalsh(left)[:, 0] < ROUNDING, 1.0 - ROUNDING, 1.0)
 
 
 def judge(covariance: Floats, pitch_m: float, misfit: Floats | float = 0.0) -> Bytes:

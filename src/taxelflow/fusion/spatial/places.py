@@ -42,10 +42,9 @@ class Places:
 
     def frames(self, t_s: Floats, point: Floats) -> Floats:
         """Contact frames (scans, pads, 4, 4) in the hand at times (scans, pads) of points (scans, pads, 2)."""
-        if self._planes is not None and (t_s == t_s[:, :1]).all():
+        if self._planes is not None:
             frames = np.empty((*point.shape[:2], 4, 4))
-            T = np.take(self._placed(t_s[:, 0]), self.home, axis=1)  # in C order, as kernels are compiled for
-            along_planes(T, self._planes, point, frames)
+            along_planes(self._at_own_times(t_s), self._planes, point, frames)
             frames[:, ~self.used] = np.nan
             return frames
         frames = np.full((*point.shape[:2], 4, 4), np.nan)
@@ -53,6 +52,15 @@ class Places:
             T = self._placed(np.ascontiguousarray(t_s[:, number]))
             frames[:, number] = T[:, self.home[number]] @ self._surfaces[number].frames(point[:, number])
         return frames
+
+    def _at_own_times(self, t_s: Floats) -> Floats:
+        """(scans, pads, 4, 4), of pads in the hand at times (scans, pads); in C order, as kernels are compiled for."""
+        if (t_s == t_s[:, :1]).all():
+            return np.take(self._placed(t_s[:, 0]), self.home, axis=1)
+        T = np.empty((*t_s.shape, 4, 4))
+        for number, pad in enumerate(self.home):
+            T[:, number] = self._placed(np.ascontiguousarray(t_s[:, number]))[:, pad]
+        return T
 
     def _placed(self, t_s: Floats) -> Floats:
         """(scans, pads, 4, 4), of the pads in the hand at times (scans,); pads are mostly read at one time."""

@@ -28,6 +28,9 @@ _SPARE = 256
 _MOST_STD = 1.0
 """Standard deviation, over the limit of observability, above which a component of the twist is NaN."""
 
+_UNKNOWN_STEPS = 9.0
+"""Steps of a window before there is one."""
+
 
 class Prepared(NamedTuple):
     """Arguments of the kernel. first: number of the new scans' first one in seen. out: to be filled."""
@@ -178,12 +181,21 @@ class SpatialSession:
         J = self._places.jacobians(slips.t_s)
         window_s = self._window_s
         if window_s:
-            held_s = self._seen.t_s[self._begin : self._end]
-            step_s = float(np.median(np.diff(held_s))) if scans > 1 else window_s / 9
-            rate = np.full(scans, np.sqrt(12.0 / max(window_s / step_s, 2.0)) / window_s)
+            steps = window_s / self._usual_steps_s(scans)
+            rate = np.sqrt(12.0 / np.maximum(steps, 2.0)) / window_s
         else:
             rate = np.sqrt(2.0) / np.nanmin(np.where(slips.span_s > 0, slips.span_s, np.inf), axis=1)
         return Moving(J, self._joint_std, self._joint_std * np.where(np.isfinite(rate), rate, 1.0))
+
+    def _usual_steps_s(self, scans: int) -> Floats:
+        """(scans,), the median step of the window that ends with each of the last scans."""
+        t_s = self._seen.t_s[self._begin : self._end]
+        usual_s = np.full(scans, self._window_s / _UNKNOWN_STEPS)
+        for number, last in enumerate(range(len(t_s) - scans, len(t_s))):
+            first = int(np.searchsorted(t_s, t_s[last] - self._window_s))
+            if first < last:
+                usual_s[number] = np.median(np.diff(t_s[first : last + 1]))
+        return usual_s
 
     def _written(self, scans: int) -> Written:
         pads = len(self._layout.pads)
