@@ -135,7 +135,7 @@ def follow(block: Block, taxels: Taxels, spline: Interpolant, tracks: Records, l
 @routine
 def prepare(pressure: Floats, noise: Floats, is_complete: bool, now: Floats, variance: Floats) -> bool:
     """Fill now and variance, all (taxels,). In an incomplete scan readings of 0 are missing; is one of a live taxel?"""
-    has_missing, least = False, NEGLIGIBLE * np.abs(pressure).max()  # with less noise, weights are beyond all numbers
+    has_missing, least = False, NEGLIGIBLE  # Pa; with less noise, weights are beyond all numbers
     for i in range(len(pressure)):
         now[i], variance[i] = pressure[i], max(noise[i], least) ** 2 if noise[i] > 0.0 else 0.0
         if not is_complete and now[i] == 0.0:
