@@ -28,9 +28,6 @@ _SPARE = 256
 _MOST_STD = 1.0
 """Standard deviation, over the limit of observability, above which a component of the twist is NaN."""
 
-_UNKNOWN_STEPS = 9.0
-"""Steps of a window before there is one."""
-
 
 class Prepared(NamedTuple):
     """Arguments of the kernel. first: number of the new scans' first one in seen. out: to be filled."""
@@ -188,9 +185,9 @@ class SpatialSession:
         return Moving(J, self._joint_std, self._joint_std * np.where(np.isfinite(rate), rate, 1.0))
 
     def _usual_steps_s(self, scans: int) -> Floats:
-        """(scans,), the median step of the window that ends with each of the last scans."""
+        """(scans,), the median step of the window that ends with each of the last scans; all of it without a step."""
         t_s = self._seen.t_s[self._begin : self._end]
-        usual_s = np.full(scans, self._window_s / _UNKNOWN_STEPS)
+        usual_s = np.full(scans, self._window_s)
         for number, last in enumerate(range(len(t_s) - scans, len(t_s))):
             first = int(np.searchsorted(t_s, t_s[last] - self._window_s))
             if first < last:
