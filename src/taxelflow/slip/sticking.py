@@ -19,7 +19,9 @@ class Sticking:
     """Follows the contacts of all pads."""
 
     def __init__(self, pads: int, ahead_s: float = 0.0) -> None:
-        """ahead_s: how far ahead of a scan that is judged others have been seen: half of it counts, in any blocks."""
+        """ahead_s: how far ahead of a scan that is judged others may have been seen. Half of it counts: that much has
+        been seen whatever the blocks.
+        """
         self._sticks, self._ahead_s = np.ones(pads, dtype=np.bool_), 0.5 * ahead_s
         self._witnessed_s = np.full(pads, np.inf)
         """Since when shear has changed."""
