@@ -48,8 +48,8 @@ def _add_knot(qy: int, qx: int, wq: float, weight: Floats, coupled: Floats) -> N
             coupled[ay - qy, ax - qx + WIDTH - 1] += wq * weight[ay * WIDTH + ax]
 
 
-def dense(stencil: Floats, nx: int) -> Floats:
-    """(knots, knots), the symmetric matrix that a stencil stands for."""
+def upper(stencil: Floats, nx: int) -> Floats:
+    """(knots, knots), the upper triangle of the symmetric matrix that a stencil stands for."""
     knots = len(stencil)
     whole = np.zeros((knots, knots))
     for dy in range(WIDTH):
@@ -58,7 +58,6 @@ def dense(stencil: Floats, nx: int) -> Floats:
             if 0 <= apart < knots:
                 row = np.arange(knots - apart)
                 whole[row, row + apart] += stencil[: knots - apart, dy, column]
-    whole += np.tril(whole.T, -1)
     return whole
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taxelflow.estimation.template import map_doubt
-from taxelflow.estimation.template.bundle_adjustment import information_of
+from taxelflow.estimation.template.bundle_adjustment import linearised
 from taxelflow.estimation.template.hypotheses import coarse
 from taxelflow.estimation.template.map import Pattern, covering, fill
 from taxelflow.estimation.template.map_doubt import of_map
@@ -14,7 +14,7 @@ from taxelflow.estimation.template.normal_equations import Normal, assemble
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.pose_output import poses_of
 from taxelflow.messages import Floats
-from taxelflow.numerics.banded import add_diagonal, dense, smoothness
+from taxelflow.numerics.banded import add_diagonal, smoothness, upper
 from taxelflow.numerics.bspline import KNOTS, STATE
 
 ERROR = 0.01
@@ -46,7 +46,8 @@ def whole_covariance(pattern: Pattern, scanned: Scanned, states: Floats, precisi
     stencil = normal.stencil + pattern.smoothing * smoothness(pattern.shape)
     add_diagonal(stencil, pattern.prior)
     whole = np.zeros((scans * STATE + knots, scans * STATE + knots))
-    whole[scans * STATE :, scans * STATE :] = dense(stencil, pattern.shape[1])
+    above = upper(stencil, pattern.shape[1])
+    whole[scans * STATE :, scans * STATE :] = above + np.triu(above, 1).T
     for k, i in zip(*np.nonzero(normal.w), strict=True):
         knot = scans * STATE + normal.first[k, i] + np.arange(KNOTS) // 4 * pattern.shape[1] + np.arange(KNOTS) % 4
         own = slice(k * STATE, (k + 1) * STATE)
@@ -67,7 +68,7 @@ def whole_covariance(pattern: Pattern, scanned: Scanned, states: Floats, precisi
 
 def test_it_is_what_the_whole_problem_has_beyond_a_known_map() -> None:
     pattern, scanned, states, precision = sliding(12)
-    held = np.linalg.inv(information_of(pattern, scanned, states, ERROR, precision))
+    held = np.linalg.inv(linearised(pattern, scanned, states, ERROR, precision).normal.blocks)
     added = of_map(pattern, scanned, states, ERROR, precision)
     whole = whole_covariance(pattern, scanned, states, precision)[:, :4, :4]
     assert (held + added)[:, :4, :4] == pytest.approx(whole, rel=1e-4, abs=1e-9)
@@ -90,7 +91,7 @@ def test_of_very_many_scans_and_knots_the_map_is_held_known(monkeypatch: pytest.
 def test_poses_have_it_and_steps_between_them_do_not() -> None:
     _, scanned, states, precision = sliding(12)
     solved = coarse(scanned, states, turns=True)
-    information = information_of(solved.pattern, scanned, solved.states, ERROR, precision)
+    information = linearised(solved.pattern, scanned, solved.states, ERROR, precision).normal.blocks
     poses = poses_of(solved, scanned, information, 2.0)
     error = np.tile(np.diag([0.01, 0.02, 0.03, 0.1, 0.1]) ** 2, (12, 1, 1))
     wide = poses.with_map(error, solved, scanned, 2.0)
@@ -109,7 +110,7 @@ def test_poses_have_it_and_steps_between_them_do_not() -> None:
 def test_what_takes_all_of_a_covariance_away_leaves_no_variance_below_0(*, turns: bool) -> None:
     _, scanned, states, precision = sliding(12)
     solved = coarse(scanned, states, turns=turns)
-    information = information_of(solved.pattern, scanned, solved.states, ERROR, precision)
+    information = linearised(solved.pattern, scanned, solved.states, ERROR, precision).normal.blocks
     poses = poses_of(solved, scanned, information, 2.0)
     taken = -np.linalg.inv(information) * (1.0 + 1e-11)  # as of a single scan, with an error of rounding
     left = np.diagonal(poses.with_map(taken, solved, scanned, 2.0).covariance, axis1=1, axis2=2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimation.template.test_taxel_gains import PEAK, error, sliding
-from taxelflow.estimation.template.bundle_adjustment import covariance_of, information_of
+from taxelflow.estimation.template.bundle_adjustment import covariance_of, linearised
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.map import covering
 from taxelflow.estimation.template.observations import Scanned
@@ -79,7 +79,7 @@ def test_a_tilt_of_the_load_adds_as_much_as_in_a_batch() -> None:
     solved = solve_contact(scanned)
     assert solved.error < 0.05
     precision = scanned.precision(turns=solved.turns, gain_std=solved.gain_std)
-    upright = information_of(solved.pattern, scanned, solved.states, 0.05, precision)
+    upright = linearised(solved.pattern, scanned, solved.states, 0.05, precision).normal.blocks
     tilted = without_tilt(upright, solved.pattern, scanned, solved.states, 0.05, 0.05)
     more = np.trace((covariance_of(tilted) - covariance_of(upright))[-4:, :2, :2], axis1=1, axis2=2) / 2
     np.testing.assert_allclose(_tilt(solved, scanned, 0.05), np.median(more), rtol=0.02)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from taxelflow.estimation.template.bundle_adjustment import information_of
+from taxelflow.estimation.template.bundle_adjustment import linearised
 from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.tilt import without_tilt
@@ -36,7 +36,7 @@ def informed(bumps: Bumps, radius: float, tilt_std: float, spikes: tuple[int, ..
     fill(pattern, scanned.with_error(0.01), states)
     precision = np.array([1e-6, 1e-6, np.inf, 1e-2, np.inf])
     readings[:, list(spikes)] *= 3.0
-    information = information_of(pattern, scanned, states, 0.01, precision)
+    information = linearised(pattern, scanned, states, 0.01, precision).normal.blocks
     own = without_tilt(information, pattern, scanned, states, 0.01, tilt_std)
     return information[0], own[0]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.brief_gaps import bridged, formed
-from taxelflow.estimation.template.bundle_adjustment import information_of
+from taxelflow.estimation.template.bundle_adjustment import linearised
 from taxelflow.estimation.template.centre_of_pressure import witnessed
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.dead_taxels import working
@@ -81,7 +81,7 @@ def _on_one_map(solved: Solved, scanned: Scanned, pitch_m: float, unseen_error: 
 
     def information(error: float) -> Floats:
         """(scans, 5, 5), of the states, blurred by errors of the readings and by a tilt of the load."""
-        own = information_of(solved.pattern, scanned, whole, error, precision, level)
+        own = linearised(solved.pattern, scanned, whole, error, precision, level).normal.blocks
         return without_tilt(own, solved.pattern, scanned, solved.states, error, unseen_error)
 
     poses = _bridged(poses_of(solved, scanned, information(max(solved.error, unseen_error)), pitch_m), scanned)

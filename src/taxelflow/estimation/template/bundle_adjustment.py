@@ -104,7 +104,7 @@ def diagonals_of(matrices: Floats) -> States:
     return states_of(matrices.diagonal(axis1=1, axis2=2))
 
 
-class _Linear:
+class Linear:
     """The problem, linearised at the present pattern and states."""
 
     def __init__(self, pattern: Pattern, readings: Readings, fixed: Bools, level: float) -> None:
@@ -193,7 +193,7 @@ def refine(
     """
     fixed = np.isinf(precision)
     usual, pull = np.array([*scanned.middle, 0.0, 1.0, 0.0]), np.where(fixed, 0.0, precision)
-    linear = _Linear(pattern, scanned.with_error(error), fixed, level)
+    linear = Linear(pattern, scanned.with_error(error), fixed, level)
     normal = linear.normal
     best, damping = _Best(np.inf, states, pattern.coefficients, pattern.smoothing), 0.0
     parts, diagonal = states_of(states), np.arange(STATE)
@@ -239,18 +239,20 @@ def refine(
     )
 
 
-def information_of(
+def linearised(
     pattern: Pattern, scanned: Scanned, states: Floats, error: float, precision: Floats, level: float = 0.0
-) -> Floats:
-    """(scans, 5, 5), information of scans on their states, the pattern held. Arguments as for `refine`."""
-    fixed = np.isinf(precision)
-    linear = _Linear(pattern, scanned.with_error(error), fixed, level)
+) -> Linear:
+    """The problem at states (scans, 5), with their prior. Arguments as for `refine`.
+
+    Its `normal.blocks` are the information (scans, 5, 5) of scans on their states, the pattern held.
+    """
+    linear = Linear(pattern, scanned.with_error(error), np.isinf(precision), level)
     linear.update(states)
     linear.add_prior(precision)
-    return linear.normal.blocks
+    return linear
 
 
-def _solve(factor: Factor, linear: _Linear, damping: float) -> tuple[Floats, Floats]:
+def _solve(factor: Factor, linear: Linear, damping: float) -> tuple[Floats, Floats]:
     """Steps of the states (scans, 5), none longer than allowed, and of the coefficients (knots,) that go with them."""
     blocks = linear.normal.blocks.copy()
     diagonal = np.arange(STATE)

@@ -2,8 +2,9 @@
 
 The information of a scan takes the map as known. With the map's error, the covariance of the states is the inverse of
 their Schur complement. By Woodbury's identity it is B^-1 + B^-1 E M^-1 E^T B^-1, M = H - E^T B^-1 E, of the blocks B of
-the states, the information H of the map's coefficients with their priors, and E between both. The object's frame, which
-nothing determines, is that in which the mean of the poses stays, as in the fit.
+the states, the information H of the map's coefficients with their priors, and E between both: a square, by Cholesky
+factors of B and M. The object's frame, which nothing determines, is that in which the mean of the poses stays, as in
+the fit.
 
 This error changes slowly, as the object moves: consecutive scans share it.
 """
@@ -13,15 +14,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csr_array
 
-from taxelflow.estimation.template.bundle_adjustment import LEAST_INFORMATION
-from taxelflow.estimation.template.normal_equations import Normal, assemble
-from taxelflow.numerics.banded import WIDTH, add_diagonal, dense, smoothness
+from taxelflow.estimation.template.bundle_adjustment import linearised
+from taxelflow.numerics.banded import WIDTH, add_diagonal, upper
 from taxelflow.numerics.bspline import KNOTS, STATE, pose_part
+from taxelflow.numerics.rounding import NEGLIGIBLE
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.normal_equations import Normal
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
@@ -37,22 +40,23 @@ def of_map(
     if scans * knots > _MOST:
         return np.zeros((scans, STATE, STATE))
     fixed = np.isinf(precision)
-    readings = scanned.with_error(error)
-    normal = Normal.empty(scans, len(scanned.delay_s), knots)
-    assemble(pattern.surface, readings, states, np.where(fixed, 0.0, 1.0), level, normal)
-    normal.stencil[:] += pattern.smoothing * smoothness(pattern.shape)
-    add_diagonal(normal.stencil, pattern.prior)
-    pull = np.diag(np.where(fixed, 1.0, precision) + LEAST_INFORMATION)
-    held = np.asarray(np.linalg.inv(normal.blocks + pull), np.float64)
-    held[:, fixed] = held[:, :, fixed] = 0.0
+    linear = linearised(pattern, scanned, states, error, precision, level)
+    linear.regularise()
+    normal = linear.normal
+    add_diagonal(normal.stencil, NEGLIGIBLE * normal.stencil.max())
+    whitening = np.asarray(np.linalg.inv(np.linalg.cholesky(normal.blocks)), np.float64)
+    whitening[:, fixed] = whitening[:, :, fixed] = 0.0
     crossed = _crossed(normal, pattern.shape[1])
-    moved = held @ crossed
-    information = dense(normal.stencil, pattern.shape[1]) - crossed.reshape(-1, knots).T @ moved.reshape(-1, knots)
-    of_knots = np.linalg.inv(information)
-    frame = pose_part(held)  # a change of the frame moves poses only
-    by_frame = of_knots @ np.einsum("kac,kab->cb", crossed, frame)
-    frame = frame + moved @ by_frame
-    own = moved @ of_knots @ moved.transpose(0, 2, 1)
+    white = (whitening @ crossed).reshape(-1, knots)
+    information = upper(normal.stencil, pattern.shape[1])
+    information -= white.T @ white
+    lower = cholesky(information.T, lower=True, overwrite_a=True, check_finite=False)
+    by_map = solve_triangular(lower, white.T, lower=True, check_finite=False).T.reshape(crossed.shape)
+    moved = whitening.transpose(0, 2, 1) @ by_map  # its square is the covariance of the states by the map
+    frame = pose_part(whitening.transpose(0, 2, 1) @ whitening)  # a change of the frame moves poses only
+    right = np.einsum("kac,kab->cb", crossed, frame)
+    frame = frame + moved @ solve_triangular(lower, right, lower=True, check_finite=False)
+    own = moved @ moved.transpose(0, 2, 1)
     found: Floats = own - frame @ np.linalg.pinv(frame.sum(axis=0)[: frame.shape[2]]) @ frame.transpose(0, 2, 1)
     return found
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.bundle_adjustment import covariance_of, information_of
+from taxelflow.estimation.template.bundle_adjustment import covariance_of, linearised
 from taxelflow.estimation.template.centre_of_pressure import anchor_of
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.deforming import ODOMETRY
@@ -158,7 +158,7 @@ def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:
     last = slice(-ODOMETRY.memory, None)
     states, error, own = best.states[last], max(best.error, tilt_std), scanned.taken(last)
     precision = state_precision(best, own)
-    information = information_of(best.pattern, own, states, error, precision)
+    information = linearised(best.pattern, own, states, error, precision).normal.blocks
     tilted = without_tilt(information, best.pattern, own, states, error, tilt_std)
     more = covariance_of(tilted) - covariance_of(information)
     return float(np.clip(np.median(0.5 * (more[:, 0, 0] + more[:, 1, 1])), 0.0, SLACK.most[0]))
