@@ -44,6 +44,16 @@ def test_inverses_are_those_of_numpy(seed: int) -> None:
     np.testing.assert_allclose(of_three @ three, np.eye(3), atol=1e-6)
 
 
+@given(seed=seeds, scale=st.sampled_from([1e-18, 1.0, 1e18]))
+def test_the_inverse_of_a_singular_matrix_has_no_variance_below_0(seed: int, scale: float) -> None:
+    x, y = np.random.default_rng(seed).normal(0, 1, 2).tolist()
+    information = inverse2(scale * x * x, scale * x * y, scale * y * y)
+    assert min(information[0], information[2]) > 0.0
+    back = inverse2(*information)
+    assert min(back[0], back[2]) > 0.0
+    assert np.isfinite(back).all()
+
+
 @given(seed=seeds)
 def test_eigenvalues_are_those_of_numpy_smaller_first(seed: int) -> None:
     matrix = np.random.default_rng(seed).normal(0, 1, (2, 2))

@@ -7,13 +7,18 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.messages import Floats
+from taxelflow.numerics.rounding import NEGLIGIBLE
 from taxelflow.runtime.compiling import inlined, routine
 
 
 @inlined
 def inverse2(xx: float, xy: float, yy: float) -> tuple[float, float, float]:
-    """Elements xx, xy, yy of the inverse of a symmetric matrix [[xx, xy], [xy, yy]]."""
-    det = xx * yy - xy * xy
+    """Elements xx, xy, yy of the inverse of a symmetric positive matrix [[xx, xy], [xy, yy]].
+
+    That of a matrix that is singular to rounding has no elements below 0 on its diagonal, but large ones.
+    """
+    det, least = xx * yy - xy * xy, NEGLIGIBLE * xx * yy
+    det = least if det < least else det
     return yy / det, -xy / det, xx / det
 
 
