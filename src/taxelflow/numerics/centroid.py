@@ -42,6 +42,13 @@ def _belongs(reading: float, variance: float, peak: float) -> bool:
     return reading > LOADED.share * peak and reading * reading > LOADED.sigmas**2 * variance > 0.0
 
 
+def belonging(readings: Floats, variance: Floats) -> Bools:
+    """(scans, taxels), the readings that surely belong to the contact of their scan, as in `loaded_centroid`."""
+    peak = np.max(readings, axis=1, keepdims=True, initial=0.0, where=variance > 0.0)
+    sure: Bools = (readings > LOADED.share * peak) & (readings > LOADED.sigmas * np.sqrt(variance)) & (variance > 0.0)
+    return sure
+
+
 @kernel
 def loaded_centroid(reading: Floats, variance: Floats, places: Floats, edge: Bools, out: Floats) -> None:
     """Fill out (4,): x and y of the centroid, the share of the load at the border, and the load; all 0 without load.

@@ -274,6 +274,24 @@ def test_a_scan_of_which_a_map_predicts_hardly_more_than_none_does_not_place_its
     assert np.isfinite(off).all(axis=1).tolist() == [False, True, True, True]
 
 
+def test_the_centre_of_a_contact_that_forms_may_be_anywhere_in_it() -> None:
+    x, y = np.meshgrid(np.arange(-3.0, 4.0), np.arange(-3.0, 4.0))
+    places, taxels = np.stack([x.ravel(), y.ravel()]), x.size
+    full = 1000.0 * (np.hypot(*places) < 2.5)
+    touching = full * (places[0] > 1.5)
+    rim = full * (np.arange(taxels) != np.flatnonzero(full)[0])
+    shown = np.stack([touching, rim, 0.1 * full, *[full] * 10])
+    scanned = Scanned.of(
+        np.arange(13.0), places, shown, np.ones_like(shown), np.full(taxels, np.inf), np.zeros(taxels), 0.05
+    )
+    centres = Centres.of(scanned, scanned.edge, 0.05).formed(scanned, 0.05)
+    std = np.sqrt(centres.covariance[:, 0])
+    assert centres.place[0, 0] > 1.5  # of an object at 0
+    assert centres.place[0, 0] < 3.0 * std[0]
+    assert (std[1:] < 0.2 * std[0]).all()  # a taxel at the rim, or another load, is no other contact
+    assert (centres.common[0] <= centres.common[-1] + 1e-9).all()  # the map's place is not moved by it
+
+
 @pytest.mark.long
 def test_a_map_that_predicts_less_than_none_leads_no_stream_off_the_pad(recordings: Path) -> None:
     """Of a real teapot: the centre of a prediction that was hardly more than none lay 480 mm beside a pad of 20 mm."""

@@ -3,12 +3,14 @@
 The centre of pressure c follows the object without a map: less precisely than a good map, but not misled by a map of
 few scans. Of readings p at r from c (pitches), with the load F = sum(p) and M = sum(p r r^T) / F, its covariance is
 
-    D = sum(((e p)^2 + noise^2) r r^T) / F^2  +  (1 + 12 M)^-1 / 12  +  (b s d)^2 1  +  a^2 M
+    D = sum(((e p)^2 + noise^2) r r^T) / F^2  +  (1 + 12 M)^-1 / 12  +  (b s d)^2 1  +  a^2 M  +  (1 - n / N)^2 M
 
 1. A reading stands for a cell across which the pressure varies: it has a gain error e.
 2. A contact ends anywhere between two taxels, which moves the centre of n taxels in line by up to 1 / n of a cell.
 3. Where a share s of the load lies at the pad's border, a motion d of c has a relative error b.
 4. A tilt of the load changes the pressure at a radius of gyration by a share with standard deviation a, see `tilt`.
+5. A contact that forms or ends presses n of its N taxels only, the median of all scans; the others may lie anywhere in
+   it, with the median M.
 
 **Fusion.** With the place p on the map and its covariance C, the pose is p + W (c - p). Tilt and border move p, too,
 with an unknown correlation; their part of D is S. For any correlation the covariance is at most
@@ -43,7 +45,7 @@ import numpy as np
 from taxelflow.estimation.template.pose_output import Poses, judged_again
 from taxelflow.estimation.template.two_witnesses import combine, surely
 from taxelflow.numerics.bspline import states_of
-from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance, pressure_centre
+from taxelflow.numerics.centroid import CELL_ERROR, belonging, centroid_covariance, pressure_centre
 from taxelflow.numerics.geometry import turned
 from taxelflow.runtime.compiling import kernel
 
@@ -140,6 +142,18 @@ class Centres(NamedTuple):
         average: Floats = np.average(own[self.known], axis=0, weights=trust[self.known])
         return average
 
+    def formed(self, scanned: Scanned, tilt: float) -> Centres:
+        """With the covariance of contacts that form or end. tilt: as for `of`.
+
+        A taxel that comes and goes at the rim of a contact does not count. What the border does is subtracted before.
+        """
+        if not (self.known.any() and tilt > 0.0):
+            return self
+        extent = np.median(self.common[self.known], axis=0) / tilt**2
+        count = np.count_nonzero(belonging(scanned.readings, scanned.variance), axis=1)
+        missing = np.maximum(1.0 - (count + 1.0) / np.median(count[self.known]), 0.0)
+        return self._replace(covariance=self.covariance + np.outer(missing**2, extent))
+
     def uncut(self, solved: Solved, scanned: Scanned, before: Anchor | None = None) -> tuple[Centres, Floats, Floats]:
         """The centres corrected for the pad's border, as far as the map of a solved contact predicts its effect.
 
@@ -182,7 +196,7 @@ class Centres(NamedTuple):
         off = np.where(known[:, np.newaxis], off, np.nan)
         covariance, common = self.covariance + doubt, self.common + doubt
         cut: Bools = np.asarray(shift.any(axis=1), np.bool_)
-        uncut = Centres(self.place - shift, covariance, common, self.known, cut)
+        uncut = self._replace(place=self.place - shift, covariance=covariance, common=common, cut=cut)
         return uncut, middle, off
 
 
@@ -206,6 +220,7 @@ def anchor_of(solved: Solved, scanned: Scanned, tilt: float, before: Anchor | No
     if scanned.across.any() or not centres.known.any():
         return None
     centres, inside, off = centres.uncut(solved, scanned, before)
+    centres = centres.formed(scanned, tilt)
     own = solved.fit.covariance
     trust = 1.0 / (own[:, 0, 0] + own[:, 1, 1] + centres.spread)
     variance = np.average(0.5 * centres.spread[centres.known], weights=trust[centres.known])
@@ -221,6 +236,7 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt:
     centres = Centres.of(scanned, edge, tilt)
     if solved is not None:
         centres, _, _ = centres.uncut(solved, scanned)
+    centres = centres.formed(scanned, tilt)
     known = np.isfinite(poses.pose[:, :2]).all(axis=1) & centres.known
     known &= np.isfinite(poses.covariance[:, :2, :2]).all(axis=(1, 2))
     if scanned.across.any() or not known.any():
