@@ -308,6 +308,13 @@ def test_without_slip_hold_keeps_the_force() -> None:
     assert [controller.step(alike(scan, 0.0, 0.0)) for scan in range(50)] == pytest.approx([5.0] * 50)
 
 
+@pytest.mark.parametrize("name", registry.names("controller"))
+def test_a_pause_without_scans_does_not_open_the_grip(name: str) -> None:
+    controller = registry.find("controller", name)().start(5.0, MOST_N)
+    before_n = [controller.step(alike(scan, 0.0, 0.0)) for scan in range(200)][-1]
+    assert controller.step(replace(alike(10200, 0.0, 0.0), dt_s=100.0)) > 0.8 * before_n
+
+
 def test_no_force_is_above_what_the_gripper_gives() -> None:
     for kind in (Hold, Threshold, CentroidSpeed):
         controller = kind().start(5.0, 8.0)
