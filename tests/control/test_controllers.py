@@ -303,6 +303,13 @@ def test_the_fast_scans_of_a_slip_set_its_least_force() -> None:
     assert shown.least_n() == pytest.approx(4.0, abs=1e-3)
 
 
+def test_a_slip_shows_its_least_force_whenever_the_clock_began() -> None:
+    for began_s in (-1e6, 0.0, 1.7e9):
+        shown = Shown(memory_s=0.05)
+        shown.add(began_s, 0.1, 8.0)
+        assert shown.least_n() == pytest.approx(8.0)
+
+
 def test_without_slip_hold_keeps_the_force() -> None:
     controller = Hold().start(5.0, MOST_N)
     assert [controller.step(alike(scan, 0.0, 0.0)) for scan in range(50)] == pytest.approx([5.0] * 50)
