@@ -62,6 +62,18 @@ def centres(scans: Scans, contacts: int = 2, sensor: Sensor = GRID) -> Floats:
     return found
 
 
+def test_a_contact_in_a_pad_that_reads_as_much_below_0_has_no_centre() -> None:
+    small = grid_sensor(4, 4)
+    values = np.random.default_rng(0).normal(0.0, NOISE, (22, 16))
+    values[17:] = -3.5e3
+    values[12:, 0], values[12:, 15] = 30e3, 60e3
+    scans = apart(values, sensor=small)
+    own = scans.pressure[:, 16:].reshape(10, 2, 16)
+    assert scans.contact.all()
+    assert (own[5:].sum(axis=2) <= 0.0).sum(axis=1).tolist() == [1] * 5
+    assert (scans.complete[:, 1:] == (own.sum(axis=2) > 0.0)).all()
+
+
 def test_two_blobs_are_two_contacts_and_keep_their_numbers() -> None:
     way = np.linspace(0.0, 0.03, 13)
     scans = apart(pressed(*[[(-0.06 + x, 0.0), (0.06 - x, 0.02, 0.8)] for x in way]))

@@ -303,9 +303,23 @@ def test_the_fast_scans_of_a_slip_set_its_least_force() -> None:
     assert shown.least_n() == pytest.approx(4.0, abs=1e-3)
 
 
+def test_a_slip_shows_its_least_force_whenever_the_clock_began() -> None:
+    for began_s in (-1e6, 0.0, 1.7e9):
+        shown = Shown(memory_s=0.05)
+        shown.add(began_s, 0.1, 8.0)
+        assert shown.least_n() == pytest.approx(8.0)
+
+
 def test_without_slip_hold_keeps_the_force() -> None:
     controller = Hold().start(5.0, MOST_N)
     assert [controller.step(alike(scan, 0.0, 0.0)) for scan in range(50)] == pytest.approx([5.0] * 50)
+
+
+@pytest.mark.parametrize("name", registry.names("controller"))
+def test_a_pause_without_scans_does_not_open_the_grip(name: str) -> None:
+    controller = registry.find("controller", name)().start(5.0, MOST_N)
+    before_n = [controller.step(alike(scan, 0.0, 0.0)) for scan in range(200)][-1]
+    assert controller.step(replace(alike(10200, 0.0, 0.0), dt_s=100.0)) > 0.8 * before_n
 
 
 def test_no_force_is_above_what_the_gripper_gives() -> None:

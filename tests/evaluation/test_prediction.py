@@ -71,6 +71,13 @@ def test_taxels_in_no_grid_are_moved_where_they_lie() -> None:
     assert off < 0.5 * still
 
 
+@pytest.mark.parametrize("count", [2, 5])
+def test_taxels_on_a_line_are_moved_along_it(count: int) -> None:
+    table = table_sensor(0.003 * np.outer(np.arange(count), (0.6, 0.8)))
+    before, now = (scans_of(table, 1e4 * np.eye(count)[[taxel]]) for taxel in (0, 1))
+    assert np.allclose(_moved(table.layout, 0, before, now), 1e4 * (np.arange(count) < 2))
+
+
 @pytest.fixture(scope="module")
 def scored(turned: Path) -> PredictionReport:
     return Prediction((turned,)).run()

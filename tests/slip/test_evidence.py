@@ -80,6 +80,11 @@ def test_a_distance_counts_from_what_is_usual() -> None:
     assert distance(share, 0.01, np.zeros(1), rise, growth)[0] == pytest.approx(np.log(2) / 0.6)
 
 
+def test_no_change_at_all_is_usual_where_nothing_ever_changes() -> None:
+    none = np.zeros(1)
+    assert distance(none, 0.0, none, none, none) == [0.0]
+
+
 def enumerated(ratios: list[tuple[float, float]], judged: int) -> float:
     """Odds that the object slides in a bin, by summing over all courses of rest, tilt and slip; it rests before."""
     begins, ends = -np.expm1(-STEP_S / REST_S), -np.expm1(-STEP_S / SLIDE_S)

@@ -56,6 +56,11 @@ def test_a_pull_in_proportion_to_the_pressure_is_no_spread(x: float, y: float) -
     assert spread_of(pulled + 1e-9) < 1e-6
 
 
+def test_a_single_loaded_taxel_shows_no_spread() -> None:
+    one = np.where(np.arange(LAYOUT.taxels) == 5, 1e4, 0.0)
+    assert np.isnan(spread_of(one[:, np.newaxis] * np.array([0.3, 0.1]), one))
+
+
 def test_a_torsion_is_spread() -> None:
     assert spread_of(twist()) == pytest.approx(np.linalg.norm(twist()) / np.linalg.norm(PATTERN), rel=1e-9)
 

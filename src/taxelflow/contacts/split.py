@@ -71,16 +71,19 @@ def split(
 ) -> None:
     """Fill pressure (scans, entries), contact and complete (scans, pads) of the contacts from those of their pads.
 
-    labels, states: see `Segmentation`. contacts: `SplitContact`.
+    labels, states: see `Segmentation`. contacts: `SplitContact`. A scan is incomplete for a contact whose
+    taxels, unloaded ones included, read 0 or less in all: its load has no centre.
     """
     for scan in range(len(pressure)):
         for k in range(len(contacts)):
             own: SplitContact = contacts[k]
             state: ContactState = states[scan, own.number, own.slot]
+            load = 0.0
             for entry in range(own.start, own.stop):
                 taxel = own.home_start + entry - own.start
                 label = abs(labels[scan, taxel])
                 pressure[scan, entry] = pressure[scan, taxel] if label in (0, own.slot + 1) else 0.0
+                load += pressure[scan, entry]
             contact[scan, own.pad] = state.clearance > ABSENT
-            hidden = contact[scan, own.pad] and state.clearance < SEPARATE
+            hidden = contact[scan, own.pad] and (state.clearance < SEPARATE or load <= 0.0)
             complete[scan, own.pad] = complete[scan, own.home] and not hidden

@@ -50,7 +50,7 @@ class Shown:
     """
 
     def __init__(self, memory_s: float) -> None:
-        self._memory_s, self._last_s = memory_s, 0.0
+        self._memory_s, self._last_s = memory_s, -np.inf
         self._weight = self._weighed = 0.0
 
     def add(self, t_s: float, speed: float, least_n: float) -> None:

@@ -10,6 +10,9 @@ import numpy as np
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
 
+_LONGEST_S = 0.5
+"""Time from one scan to the next for which a force is relaxed, at most."""
+
 
 @dataclass(frozen=True, slots=True)
 class Touch:
@@ -78,6 +81,15 @@ class Touch:
             return self.joint[:, :2, :, :2]
         apart: Floats = np.einsum("pq,pab->paqb", np.eye(len(self.covariance)), self.covariance[:, :2, :2])
         return apart
+
+
+def relaxed(force_n: float, rate_1_s: float, dt_s: float) -> float:
+    """A force that comes down at a rate, 1/s, after the time from scan to scan, s.
+
+    A pause without scans counts as `_LONGEST_S`: nobody saw how the object took it. A step in proportion to all of it
+    would open the grip, or ask for a force below 0.
+    """
+    return force_n * (1.0 - rate_1_s * min(dt_s, _LONGEST_S))
 
 
 class ControlSession(Protocol):

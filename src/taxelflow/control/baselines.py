@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taxelflow.control.base import Touch
+from taxelflow.control.base import Touch, relaxed
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,10 @@ class ThresholdSession:
         image = touch.pressure / max(float(touch.pressure.sum()), 1.0)
         changed = float(np.abs(image - self._last).sum()) if len(self._last) else 0.0
         self._last = image
-        self._force_n *= self._p.up if changed > self._p.change else 1.0 - self._p.relax_1_s * touch.dt_s
+        if changed > self._p.change:
+            self._force_n *= self._p.up
+        else:
+            self._force_n = relaxed(self._force_n, self._p.relax_1_s, touch.dt_s)
         self._force_n = min(self._force_n, self._most_n)
         return self._force_n
 
@@ -94,6 +97,9 @@ class CentroidSpeedSession:
         """The force to command, N."""
         speeds = np.hypot(touch.velocity[:, 0], touch.velocity[:, 1])
         fast = bool((speeds[np.isfinite(speeds)] > self._p.speed_m_s).any())
-        self._force_n *= self._p.up if fast else 1.0 - self._p.relax_1_s * touch.dt_s
+        if fast:
+            self._force_n *= self._p.up
+        else:
+            self._force_n = relaxed(self._force_n, self._p.relax_1_s, touch.dt_s)
         self._force_n = min(self._force_n, self._most_n)
         return self._force_n

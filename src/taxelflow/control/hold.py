@@ -13,7 +13,7 @@ import numpy as np
 
 from taxelflow.control.agreement import Agreement
 from taxelflow.control.balance import Balance, Shown
-from taxelflow.control.base import Touch
+from taxelflow.control.base import Touch, relaxed
 from taxelflow.control.blindness import Blindness
 from taxelflow.control.slipped_force import SlippedForce
 from taxelflow.numerics.gravity import G_M_S2
@@ -110,7 +110,7 @@ class HoldSession:
             self._target_n = max(self._target_n, min(p.margin * touch.force_n, self._before_n))
             self._force_n, self._calm_s = max(self._force_n, self._target_n), 0.0
         elif touch.force_n > p.margin * self._slipped.force_n(touch.t_s):
-            self._target_n *= 1.0 - p.relax_1_s * touch.dt_s
+            self._target_n = relaxed(self._target_n, p.relax_1_s, touch.dt_s)
 
     @property
     def blind(self) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from taxelflow.control.agreement import Agreement
 from taxelflow.control.balance import Balance
-from taxelflow.control.base import Touch
+from taxelflow.control.base import Touch, relaxed
 from taxelflow.numerics.gravity import G_M_S2
 from taxelflow.numerics.robust import OUTLIER
 
@@ -167,7 +167,7 @@ class LetMove:
             return self._force_n
         if not self._moves:
             self._moves = abs(self._speed) > 0.2 * self._wanted
-            self._force_n *= 1.0 - p.loosen_1_s * touch.dt_s
+            self._force_n = relaxed(self._force_n, p.loosen_1_s, touch.dt_s)
             self._least_n = self._force_n / self._ratio
         elif self.felt + self._coasting() >= self._goal:
             self.shut, self._force_n = True, min(p.shut * self._ratio * self._least_n, self._most_n)
@@ -187,7 +187,7 @@ class LetMove:
         """Force to be felt: what carries the load, and the share of it that brings the speed to the wanted one."""
         p = self._p
         weighed_n = self._least_n + min(dt_s / p.weigh_s, 1.0) * (self._balance.least_n() - self._least_n)
-        self._least_n = max(weighed_n, (1.0 - p.loosen_1_s * dt_s) * self._least_n)
+        self._least_n = max(weighed_n, relaxed(self._least_n, p.loosen_1_s, dt_s))
         left_s = (self._goal - self.felt) / self._wanted
         wanted = self._wanted * float(np.clip(left_s / p.near_s, p.slow, 1.0))
         away = max(self._now - 2.0 * self._wanted, 0.0)

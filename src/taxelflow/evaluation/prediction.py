@@ -27,6 +27,7 @@ from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.cells import caption, number, shown
 from taxelflow.evaluation.statistics import rms
 from taxelflow.messages import LOST, OK, cut
+from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.numerics.spans import spans
 from taxelflow.pipeline import api
 
@@ -225,12 +226,23 @@ def _moved(layout: Layout, pad: int, before: Scans, now: Scans) -> Floats:
     centres = [_centroid(scan.pressure[0, own], scan.noise[own], places) for scan in (before, now)]
     step = centres[1] - centres[0]
     if table:
-        last = before.pressure[0, own]
-        between = LinearNDInterpolator(places, last)(places - step)
-        return np.where(np.isfinite(between), between, NearestNDInterpolator(places, last)(places - step))
+        return _interpolated(places, before.pressure[0, own], places - step)
     image = layout.grid(pad, before.pressure[0], fill=0.0)
     moved: Floats = shift(image, step, order=1, mode="nearest")[layout.row[own], layout.col[own]]
     return moved
+
+
+def _interpolated(places: Floats, values: Floats, at: Floats) -> Floats:
+    """(n,), values (taxels,) of places (taxels, 2) interpolated at others (n, 2), also where they lie on a line."""
+    middle = places.mean(axis=0)
+    _, width, axes = np.linalg.svd(places - middle, full_matrices=False)
+    if width[-1] <= ROUNDING * width[0] or len(places) == 1:
+        along = (places - middle) @ axes[0]
+        order = np.argsort(along)
+        between: Floats = np.interp((at - middle) @ axes[0], along[order], values[order])
+        return between
+    between = np.asarray(LinearNDInterpolator(places, values)(at), np.float64)
+    return np.where(np.isfinite(between), between, NearestNDInterpolator(places, values)(at))
 
 
 def _centroid(pressure: Floats, noise: Floats, places: Floats) -> Floats:

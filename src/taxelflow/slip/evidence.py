@@ -24,6 +24,7 @@ import numpy as np
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.rest_or_slide import Unexplained
 from taxelflow.numerics.robust import CLEARLY
+from taxelflow.numerics.rounding import NEGLIGIBLE
 from taxelflow.runtime.compiling import inlined, kernel, lean_kernel
 
 
@@ -110,7 +111,7 @@ def tilt_log_ratio(log_ratio: Floats, tilt: Floats) -> Floats:
 def distance(share: Floats, rest: Floats | float, noise_power: Floats, rise: Floats, growth: Floats) -> Floats:
     """Of the logarithm of a change from its mean at rest, standard deviations. rest: the change at a steady load."""
     usual = rest**2 + (growth * rise) ** 2 + noise_power
-    far: Floats = 0.5 * np.log(np.maximum(share, 1e-12) / usual) / CHANGE.spread
+    far: Floats = 0.5 * np.log(np.maximum(share, NEGLIGIBLE) / np.maximum(usual, NEGLIGIBLE)) / CHANGE.spread
     return far
 
 

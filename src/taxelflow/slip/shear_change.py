@@ -47,7 +47,8 @@ class ShearNoise:
 
 def spread(pressure: tuple[Floats, Floats], shear: tuple[Floats, Floats], starts: Indices) -> tuple[Floats, Floats]:
     """(pads,), power of the change of shear that is not in proportion to the pressure, over that of the pressure; and
-    what one unit of variance of a change adds to it. NaN where the shear does not change at all.
+    what one unit of variance of a change adds to it. NaN where the shear does not change at all, and of a single loaded
+    taxel, whose shear is always in proportion.
 
     pressure: (entries,), old and new. shear: (entries, 2), old and new. starts: (pads,), first entry of each.
     """
@@ -58,4 +59,5 @@ def spread(pressure: tuple[Floats, Floats], shear: tuple[Floats, Floats], starts
     sums = np.add.reduceat(np.stack([*columns, load, load**2, new**2, live]), starts, axis=1)
     total, power, along, loads, squares = sums[:2], sums[2], sums[3:5], sums[5], sums[6]
     rest = power - 2 * (total * along).sum(axis=0) / loads + (total**2).sum(axis=0) * squares / loads**2
-    return np.where(power > 0, np.maximum(rest, 0.0), np.nan) / sums[7], 2 * sums[8] / sums[7]
+    spreads = (power > 0) & (sums[8] > 1)
+    return np.where(spreads, np.maximum(rest, 0.0), np.nan) / sums[7], 2 * sums[8] / sums[7]
