@@ -12,6 +12,8 @@ SIGNIFICANT = 3.0
 """Standard deviations beyond which noise does not explain a difference."""
 CERTAIN = 6.0
 """Standard deviations that noise never exceeds, however many readings there are."""
+PARALLEL = 1e-3
+"""Curvature, over that of a sphere, below which normals are parallel: they have no common point."""
 LINE_POINTS = 3
 """Fewest points that determine a straight line and its error."""
 

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.rounding import PARALLEL
+
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
-_PARALLEL = 1e-3
-"""Curvature, over that of a sphere, below which the normals have no common point; the map is then a plane view."""
 _STEP_M = 1e-5
 """Step of the numerical derivative of the map."""
 
@@ -30,7 +30,7 @@ class SphereMap:
         whole = across.mean(axis=0)
         least = float(np.linalg.eigvalsh(whole)[0])
         middle = places.mean(axis=0)
-        if least < _PARALLEL:  # a flat hand: the centre is far away
+        if least < PARALLEL:  # a flat hand: the centre is far away, and the map a plane view
             self.centre_m = middle + 1e3 * normals.mean(axis=0)
         else:
             self.centre_m = np.linalg.solve(whole, np.einsum("nij,nj->i", across, places) / len(places))

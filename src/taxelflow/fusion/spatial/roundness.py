@@ -11,9 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
-
-_PARALLEL = 1e-3
-"""Prior information that places the meeting point of parallel normals at the height of the contacts' mean."""
+from taxelflow.numerics.rounding import PARALLEL
 
 
 def centres(frames: Floats, known: Bools, smooth: Bools, pitch_m: float) -> Floats:
@@ -32,7 +30,8 @@ def centres(frames: Floats, known: Bools, smooth: Bools, pitch_m: float) -> Floa
     count = np.maximum(weight.sum(axis=1), 1.0)
     off = place - weight * (place.sum(axis=1) / count)[:, np.newaxis]
     across = weight[..., np.newaxis] * np.eye(3) - normal[..., :, np.newaxis] * normal[..., np.newaxis, :]
-    information = across.sum(axis=1) + _PARALLEL * count[..., np.newaxis] * np.eye(3)
+    # Parallel normals meet at the height of the contacts' mean.
+    information = across.sum(axis=1) + PARALLEL * count[..., np.newaxis] * np.eye(3)
     meeting = np.linalg.solve(information, np.einsum("spij,spj->si", across, off)[..., np.newaxis])[:, np.newaxis, :, 0]
     under = np.maximum(np.einsum("spi,spi->sp", normal, meeting - off), 0.0)[..., np.newaxis]
     point = np.where(use[..., np.newaxis], off + under * normal - meeting, 0.0)
