@@ -140,6 +140,13 @@ def test_ratios_are_to_the_best_simple_method_of_the_same_recording() -> None:
     assert all(row.ratio is None for row in with_ratios(rows(template=(0.5, 8.0))))
 
 
+def test_there_is_no_ratio_to_a_method_that_found_no_motion_of_an_object_that_is_held() -> None:
+    found = with_ratios(rows(lnorm=(2e-14, 1.0), template=(0.3, 0.3)))
+    assert [row.ratio for row in found if row.method == "template"] == [None, 0.3]
+    (one,) = summaries(found)
+    assert (one.worse, one.largest_ratio) == (1, None)
+
+
 def test_a_summary_counts_cases_that_are_worse_and_better() -> None:
     found = summaries(with_ratios(rows(lnorm=(1.0,) * 5, template=(0.2, 1.05, 1.2, None, 0.3))))
     assert len(found) == 1

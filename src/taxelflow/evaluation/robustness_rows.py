@@ -10,7 +10,7 @@ import numpy as np
 from taxelflow.evaluation.pose_errors import without_frame
 from taxelflow.evaluation.statistics import finite, rms
 from taxelflow.messages import LOST, OK
-from taxelflow.numerics.rounding import SIGNIFICANT
+from taxelflow.numerics.rounding import LEAST_VARIANCE_M2, SIGNIFICANT
 from taxelflow.simulation.relief.course import follow
 
 if TYPE_CHECKING:
@@ -149,7 +149,11 @@ def _wrong(error: Floats, squared: Floats) -> Bools:
 
 
 def with_ratios(rows: Sequence[CaseRow]) -> list[CaseRow]:
-    """The rows with their ratios to the best simple method of the same recording."""
+    """The rows with their ratios to the best simple method of the same recording.
+
+    None where that has no error but rounding, as a method that found no motion of an object that is held.
+    """
+    least_mm = 1e3 * float(np.sqrt(LEAST_VARIANCE_M2))
     best: dict[tuple[str, str, str, int], float] = {}
     for row in rows:
         if row.method in SIMPLE and row.error_mm is not None:
@@ -157,8 +161,8 @@ def with_ratios(rows: Sequence[CaseRow]) -> list[CaseRow]:
             best[key] = min(best.get(key, np.inf), row.error_mm)
     found = []
     for row in rows:
-        known = best.get((row.effect, row.shape, row.layout, row.seed))
-        ratio = row.error_mm / known if known and row.error_mm is not None else None
+        known = best.get((row.effect, row.shape, row.layout, row.seed), 0.0)
+        ratio = row.error_mm / known if known > least_mm and row.error_mm is not None else None
         found.append(msgspec.structs.replace(row, ratio=ratio))
     return found
 
