@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.numerics.small_linalg import inverse2
-from taxelflow.runtime.compiling import inlined, kernel
+from taxelflow.runtime.compiling import inlined, kernel, routine
 
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats
@@ -47,6 +47,17 @@ def belonging(readings: Floats, variance: Floats) -> Bools:
     peak = np.max(readings, axis=1, keepdims=True, initial=0.0, where=variance > 0.0)
     sure: Bools = (readings > LOADED.share * peak) & (readings > LOADED.sigmas * np.sqrt(variance)) & (variance > 0.0)
     return sure
+
+
+@routine
+def count_loaded(reading: Floats, variance: Floats) -> int:
+    """Number of readings (taxels,) that surely belong to the contact."""
+    peak, count = 0.0, 0
+    for i in range(len(reading)):
+        peak = max(peak, reading[i] if variance[i] > 0.0 else 0.0)
+    for i in range(len(reading)):
+        count += _belongs(reading[i], variance[i], peak)
+    return count
 
 
 @kernel

@@ -25,10 +25,13 @@ from taxelflow.estimation.scan_matching.matching import (
 )
 from taxelflow.estimation.scan_matching.track import (
     Last,
+    Scan,
+    Taxels,
     Track,
     add_step,
     begin_sums,
     forget_unobservable,
+    keep_gains,
     propagate,
     write_pose,
     write_step,
@@ -39,12 +42,11 @@ from taxelflow.estimation.scan_matching.uncertainty import (
     earlier_gains,
     gains,
     hidden_shares,
-    is_anywhere,
-    is_blurred,
     turn_observability,
     turn_variance,
 )
-from taxelflow.messages import AMBIGUOUS, LOST, NO_POSE, UNRESOLVED, Bools, Floats
+from taxelflow.estimation.scan_matching.witness import judge
+from taxelflow.messages import LOST, UNRESOLVED, Bools, Floats
 from taxelflow.numerics.bspline import STATE, State, put
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import Records
@@ -70,28 +72,6 @@ class Block(NamedTuple):
     pressure: Floats
     contact: Bools
     complete: Bools
-    ceiling: Floats
-
-
-class Taxels(NamedTuple):
-    """Of one pad: its number, its first entry, places (2, taxels) in pitches, noise (taxels,), and the units (3,) of a
-    pose in m, m, rad. share: of a reading, its standard deviation by what the sensor does not show.
-    """
-
-    pad: int
-    first: int
-    places: Floats
-    noise: Floats
-    units: Floats
-    share: float
-
-
-class Scan(NamedTuple):
-    """One scan of a pad: its number, and (taxels,) what is read, its variance, 0 where it is missing, and ceiling."""
-
-    number: int
-    reading: Floats
-    variance: Floats
     ceiling: Floats
 
 
@@ -209,25 +189,13 @@ def advance(
     shows_turn = track.yaw == YAW_OBSERVABLE or (begins and turns)
     write_pose(track, shows_turn, taxels.units, out.pose[k, pad], matrix, out.unseen[k, pad])
     forget_unobservable(spline.unobservable, begins, taxels.units, own, matrix, step_matrix)
-    is_vague = is_blurred(own) or is_anywhere(track.covariance, taxels.places)
-    out.quality[k, pad] = AMBIGUOUS if is_vague else NO_POSE  # where it does not judge, the pipeline does
-    if misfit > freedom * gate(1.0, freedom):
-        out.quality[k, pad] = UNRESOLVED
+    fits = misfit <= freedom * gate(1.0, freedom)
+    out.quality[k, pad] = judge(scan, taxels, own, track, block.complete[k, pad]) if fits else UNRESOLVED
     keep_gains(g, points.taxel, last.gains)
     if not begins:
         if not block.complete[k, pad]:
             fill_missing(surface.c, surface.lattice, taxels.places, origin, taxels.noise, variance, fit.state, now)
         remember(now, variance, spline, last)
-
-
-@routine
-def keep_gains(g: Floats, taxel: NDArray[np.int64], kept: Floats) -> None:
-    """Put gains (3, n) of some taxels into those of all (3, taxels), which are 0 for the others."""
-    for a in range(3):
-        for i in range(kept.shape[1]):
-            kept[a, i] = 0.0
-        for j in range(len(taxel)):
-            kept[a, taxel[j]] = g[a, j]
 
 
 @routine

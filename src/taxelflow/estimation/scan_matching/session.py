@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.scan_matching.interpolant import Interpolant
-from taxelflow.estimation.scan_matching.odometry import Block, Steps, Taxels, follow
-from taxelflow.estimation.scan_matching.track import Last, Track
+from taxelflow.estimation.scan_matching.odometry import Block, Steps, follow
+from taxelflow.estimation.scan_matching.track import Last, Taxels, Track
 from taxelflow.messages import Estimates, Scans
 from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.centroid import CELL_ERROR
@@ -78,7 +78,8 @@ class RegistrationSession:
         for number, name in enumerate(layout.pads):
             own = layout.of_pad(number)
             places, pitch_m = np.ascontiguousarray(self._places[:, own]), self._pitch_m[number]
-            taxels = Taxels(number, own.start, places, noise[own], np.array([pitch_m, pitch_m, 1.0]), self._share)
+            units, errors = np.array([pitch_m, pitch_m, 1.0]), (self._share, layout.unseen_error)
+            taxels = Taxels(number, own.start, places, noise[own], units, *errors)
             with on_one_core():
                 spline = Interpolant.of(name, places, noise[own] ** 2)
             if known:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
@@ -10,9 +10,36 @@ from taxelflow.messages import Floats
 from taxelflow.numerics.records import Vector
 from taxelflow.runtime.compiling import inlined, routine
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 _SCALE_ERROR = 0.03
 """Standard deviation of the share by which steps are too long or too short: a spline through taxels is too flat between
 them, by 1 % for waves of six pitches and 4 % for waves of four."""
+
+
+class Taxels(NamedTuple):
+    """Of one pad: its number, its first entry, places (2, taxels) in pitches, noise (taxels,), and the units (3,) of a
+    pose in m, m, rad. share: of a reading, its standard deviation by what the sensor does not show; tilt: its unseen
+    error, see `Layout`.
+    """
+
+    pad: int
+    first: int
+    places: Floats
+    noise: Floats
+    units: Floats
+    share: float
+    tilt: float
+
+
+class Scan(NamedTuple):
+    """One scan of a pad: its number, and (taxels,) what is read, its variance, 0 where it is missing, and ceiling."""
+
+    number: int
+    reading: Floats
+    variance: Floats
+    ceiling: Floats
 
 
 class Last(NamedTuple):
@@ -31,12 +58,17 @@ class Track:
 
     pose, covariance: since the contact began; older: that of the scans before the last. path: sum of the steps; hidden:
     of what errors that stay with the taxels may have hidden of them; drift: covariance by such errors. yaw: one of
-    `odometry.YAW_UNKNOWN` ...
+    `odometry.YAW_UNKNOWN` ... loaded: taxels of the scan by which the centre of pressure is a witness, 0 if there is
+    none; angle, apart, doubt: turn, distance (2,) of pose and centre, and its covariance as xx, xy, yy by that scan.
     """
 
     running: bool
     yaw: int
+    loaded: int
     t_s: float
+    angle: float
+    apart: Annotated[Floats, 2]
+    doubt: Vector
     pose: Vector
     path: Vector
     hidden: Vector
@@ -48,6 +80,7 @@ class Track:
 @routine
 def begin_sums(track: Track) -> None:
     """A contact begins: nothing is summed up yet but the pose's covariance."""
+    track.loaded = 0
     for a in range(3):
         track.path[a] = track.hidden[a] = 0.0
         for b in range(3):
@@ -82,6 +115,28 @@ def propagate(own: Floats, earlier: Floats, last: Last, track: Track, step: Floa
             track.covariance[a, b] = own[a, b] + track.older[a, b]
 
 
+@routine
+def keep_gains(g: Floats, taxel: NDArray[np.int64], kept: Floats) -> None:
+    """Put gains (3, n) of some taxels into those of all (3, taxels), which are 0 for the others."""
+    for a in range(3):
+        for i in range(kept.shape[1]):
+            kept[a, i] = 0.0
+        for j in range(len(taxel)):
+            kept[a, taxel[j]] = g[a, j]
+
+
+@inlined
+def variance_of(track: Track, a: int, b: int) -> float:
+    """Of two components of a pose, their covariance with an error of the scale of the path, in pitches and rad."""
+    return float(track.covariance[a, b] + _SCALE_ERROR**2 * track.path[a] * track.path[b])
+
+
+@inlined
+def drift_of(track: Track, a: int, b: int) -> float:
+    """Of two components of a pose, their covariance by errors that stay with the taxels, in pitches and rad."""
+    return float(track.drift[a, b] + track.hidden[a] * track.hidden[b])
+
+
 @inlined
 def forget_turn(pose: Floats, matrix: Floats) -> None:
     """Make the turn of a pose (3,) with covariance (3, 3) unknown."""
@@ -103,15 +158,12 @@ def write_step(state: Floats, turns: bool, units: Floats, displacement: Floats, 
 
 @routine
 def write_pose(track: Track, shows_turn: bool, units: Floats, pose: Floats, matrix: Floats, unseen: Floats) -> None:
-    """Fill pose (3,) and covariance (3, 3), with an error of the scale of the path, in m and rad; unseen (3, 3): by
-    errors that stay with the taxels.
-    """
+    """Fill pose (3,), covariance (3, 3), see `variance_of`, and unseen (3, 3), see `drift_of`, in m and rad."""
     for a in range(3):
         pose[a] = track.pose[a] * units[a]
         for b in range(3):
-            scale = _SCALE_ERROR**2 * track.path[a] * track.path[b]
-            matrix[a, b] = (track.covariance[a, b] + scale) * units[a] * units[b]
-            unseen[a, b] = (track.drift[a, b] + track.hidden[a] * track.hidden[b]) * units[a] * units[b]
+            matrix[a, b] = variance_of(track, a, b) * units[a] * units[b]
+            unseen[a, b] = drift_of(track, a, b) * units[a] * units[b]
     if not shows_turn:
         forget_turn(pose, matrix)
 
