@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.rounding import NEGLIGIBLE
 from taxelflow.runtime.compiling import inlined, routine
+
+_CANCELLED = 4.0 * float(np.finfo(np.float64).eps)
+"""Share of its terms that rounding may make of a determinant that is 0."""
 
 
 @inlined
@@ -17,7 +19,7 @@ def inverse2(xx: float, xy: float, yy: float) -> tuple[float, float, float]:
 
     That of a matrix that is singular to rounding has no elements below 0 on its diagonal, but large ones.
     """
-    det, least = xx * yy - xy * xy, NEGLIGIBLE * xx * yy
+    det, least = xx * yy - xy * xy, _CANCELLED * xx * yy
     det = least if det < least else det
     return yy / det, -xy / det, xx / det
 

@@ -41,13 +41,13 @@ def contradicts(scan: Scan, taxels: Taxels, track: Track) -> bool:
 
     On a sensor without an unseen error the covariance of the centre is unknown: nothing is contradicted.
     """
-    middle, found, tilt = np.empty(5), np.empty(9), taxels.tilt
+    middle, found = np.empty(5), np.empty(9)
     reading, variance, places = scan.reading, scan.variance, taxels.places
-    pressure_centre(reading, variance, places, np.zeros(len(reading), np.bool_), middle)
-    count = count_loaded(reading, variance)
-    if count == 0 or tilt <= 0.0:
+    count = count_loaded(reading, variance) if taxels.tilt > 0.0 else 0
+    if count == 0:
         return False
-    centroid_covariance(reading, variance, scan.ceiling, places, middle, CELL_ERROR, tilt, found)
+    pressure_centre(reading, variance, places, np.zeros(len(reading), np.bool_), middle)
+    centroid_covariance(reading, variance, scan.ceiling, places, middle, CELL_ERROR, taxels.tilt, found)
     x, y = track.pose[0] - middle[0], track.pose[1] - middle[1]
     if count > CLEARLY * track.loaded:  # the contact has formed since
         track.loaded, track.angle = count, track.pose[2]
