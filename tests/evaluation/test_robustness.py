@@ -16,7 +16,7 @@ from taxelflow.errors import NameUnknown, ParameterInvalid, TipsOver
 from taxelflow.evaluation import robustness
 from taxelflow.evaluation.robustness import PAIRS, SHAPES, Robustness
 from taxelflow.evaluation.robustness_rows import ALL_ROWS, CaseRow, row_of, summaries, with_ratios
-from taxelflow.messages import LOST, NO_POSE, OK, Slips, no_scans
+from taxelflow.messages import AMBIGUOUS, LOST, NO_POSE, OK, Slips, no_scans
 from taxelflow.numerics.geometry import transform
 from taxelflow.simulation.relief.cases import EFFECTS, PLACES, case
 from taxelflow.simulation.relief.course import follow
@@ -88,6 +88,27 @@ def test_what_is_wrong_is_off_by_3_sigma_and_by_three_tenths_of_a_millimetre() -
     row = row_of(NAMES, PRESSING, slips, 0, "batch")
     assert (row.wrong, row.ok) == (5, row.scans - 5)
     assert row.wrong_share == pytest.approx(5 / row.ok)
+
+
+def test_poses_that_are_not_ok_do_not_make_the_others_wrong() -> None:
+    error = 0 * drawn()
+    error[60:] = 5e-3
+    slips = slips_of(error)
+    slips.quality[60:, 0] = AMBIGUOUS
+    row = row_of(NAMES, PRESSING, slips, 0, "batch")
+    assert row.wrong == 0
+    assert row.error_mm is not None
+    assert row.error_mm > 1
+
+
+def test_a_method_without_enough_poses_is_still_judged_by_those_that_are_ok() -> None:
+    error = 0 * drawn()
+    error[25:30] = 1e-3
+    slips = slips_of(error)
+    slips.pose[65:] = np.nan
+    row = row_of(NAMES, PRESSING, slips, 0, "batch")
+    assert row.error_mm is None
+    assert row.wrong == 5
 
 
 def test_a_stream_is_scored_after_its_first_second() -> None:

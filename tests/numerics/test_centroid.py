@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taxelflow.messages import Floats
-from taxelflow.numerics.centroid import belonging, centroid_covariance, loaded_centroid, pressure_centre
+from taxelflow.numerics.centroid import centroid_covariance, count_loaded, loaded_centroid, pressure_centre
 
 PLACES = np.array([[0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 1.0, 1.0]])
 
@@ -35,12 +35,14 @@ def test_masked_taxels_do_not_count_and_no_load_gives_zeros() -> None:
     assert not found([-50.0, 1.0, 0.0, 3.0]).any()
 
 
-def test_the_same_readings_belong_to_the_contacts_of_many_scans() -> None:
+def test_the_loaded_taxels_are_those_that_the_centroid_counts() -> None:
     rng = np.random.default_rng(0)
     readings = rng.normal(0.0, 1.0, (50, 4)) * rng.choice([1.0, 30.0, 500.0], (50, 4))
     variance = rng.choice([0.0, 1.0, 100.0], (50, 4))
-    load = np.where(belonging(readings, variance), readings, 0.0).sum(axis=1)
-    assert load == pytest.approx([found(*scan)[3] for scan in zip(readings.tolist(), variance.tolist(), strict=True)])
+    for reading, own in zip(readings, variance, strict=True):
+        ones = [found(np.where(np.arange(4) == taxel, reading, 0.0).tolist(), own.tolist())[3] for taxel in range(4)]
+        peak = reading.max(initial=0.0, where=own > 0.0)
+        assert count_loaded(reading, own) == np.sum((np.array(ones) > 0.0) & (reading > 0.05 * peak))
 
 
 def test_the_centre_of_pressure_counts_what_lies_next_to_the_contact_and_nothing_further() -> None:

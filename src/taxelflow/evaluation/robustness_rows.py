@@ -45,7 +45,7 @@ class CaseRow(msgspec.Struct, frozen=True):
     ok: int
     """Scans whose quality is ok."""
     wrong: int | None
-    """Of these, scans off by more than 3 sigma and 0.3 mm."""
+    """Of these, scans off by more than 3 sigma and 0.3 mm, the offset and angle taken off that fit these scans best."""
     ratio: float | None = None
     """error_mm over that of the best simple method of the same recording."""
 
@@ -94,14 +94,14 @@ def row_of(names: tuple[str, str, str, int, str], pressing: Pressing, slips: Sli
         scored &= slips.t_s >= slips.t_s[np.argmax(scored)] + 1.0
     pose = _poses(slips, pad, path.pose)
     known = scored & np.isfinite(pose[:, :2]).all(axis=1) & (slips.quality[:, pad] != LOST)
-    scans, ok = int(scored.sum()), scored & (slips.quality[:, pad] == OK)
+    scans, ok, covariance = int(scored.sum()), scored & (slips.quality[:, pad] == OK), slips.covariance[:, pad]
     share = float(known.sum()) / scans if scans else 0.0
+    wrong = _wrong(_errors(pose, path.pose, known & ok), covariance)
     if not scans or share < 0.5:
-        return CaseRow(*names, scans, share, None, None, None, None, int(ok.sum()), None)
-    error = np.full(pose.shape, np.nan)
-    error[known] = without_frame(pose[known], path.pose[known], np.ones((int(known.sum()), 3)))
+        return CaseRow(*names, scans, share, None, None, None, None, int(ok.sum()), wrong)
+    error = _errors(pose, path.pose, known)
     turns = error[np.isfinite(error[:, 2]), 2]
-    squared, turned = _normalised(error, slips.covariance[:, pad])
+    squared, turned = _normalised(error, covariance)
     stated = np.isfinite(squared)
     return CaseRow(
         *names,
@@ -112,7 +112,7 @@ def row_of(names: tuple[str, str, str, int, str], pressing: Pressing, slips: Sli
         nees_position=float(squared[stated].mean()) / 2 if stated.any() else None,
         nees_turn=float(np.nanmean(turned)) if np.isfinite(turned).any() else None,
         ok=int(ok.sum()),
-        wrong=int(_wrong(error, squared)[ok].sum()) if stated.any() else None,
+        wrong=wrong,
     )
 
 
@@ -128,6 +128,14 @@ def _poses(slips: Slips, pad: int, true: Floats) -> Floats:
     return summed
 
 
+def _errors(pose: Floats, true: Floats, scans: Bools) -> Floats:
+    """Errors (scans, 3) of the poses in these scans, their best constant offset and angle taken off; else NaN."""
+    error = np.full(pose.shape, np.nan)
+    if scans.any():
+        error[scans] = without_frame(pose[scans], true[scans], np.ones((int(scans.sum()), 3)))
+    return error
+
+
 def _normalised(error: Floats, covariance: Floats) -> tuple[Floats, Floats]:
     """Squared errors over the covariance (scans,), of the position (two degrees of freedom) and of the turn (one).
 
@@ -141,11 +149,14 @@ def _normalised(error: Floats, covariance: Floats) -> tuple[Floats, Floats]:
     return np.where(np.isfinite(position), position, np.nan), np.where(np.isfinite(turn), turn, np.nan)
 
 
-def _wrong(error: Floats, squared: Floats) -> Bools:
-    """Whether a position (scans,) is off by more than 3 sigma and 0.3 mm. squared: (scans,), over the covariance."""
-    with np.errstate(invalid="ignore"):
-        wrong: Bools = (squared > SIGNIFICANT**2) & (np.hypot(error[:, 0], error[:, 1]) > 3e-4)
-    return wrong
+def _wrong(error: Floats, covariance: Floats) -> int | None:
+    """Number of positions that are off by more than 3 sigma and 0.3 mm; None without covariances.
+
+    error: (scans, 3), NaN where it does not count. covariance: (scans, 3, 3).
+    """
+    squared, _ = _normalised(error, covariance)
+    far = np.hypot(error[:, 0], error[:, 1]) > 3e-4
+    return int(np.sum(far & (squared > SIGNIFICANT**2))) if np.isfinite(squared).any() else None
 
 
 def with_ratios(rows: Sequence[CaseRow]) -> list[CaseRow]:

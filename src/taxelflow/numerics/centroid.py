@@ -42,16 +42,9 @@ def _belongs(reading: float, variance: float, peak: float) -> bool:
     return reading > LOADED.share * peak and reading * reading > LOADED.sigmas**2 * variance > 0.0
 
 
-def belonging(readings: Floats, variance: Floats) -> Bools:
-    """(scans, taxels), the readings that surely belong to the contact of their scan, as in `loaded_centroid`."""
-    peak = np.max(readings, axis=1, keepdims=True, initial=0.0, where=variance > 0.0)
-    sure: Bools = (readings > LOADED.share * peak) & (readings > LOADED.sigmas * np.sqrt(variance)) & (variance > 0.0)
-    return sure
-
-
 @routine
 def count_loaded(reading: Floats, variance: Floats) -> int:
-    """Number of readings (taxels,) that surely belong to the contact."""
+    """Number of readings (taxels,) that surely belong to the contact, as in `loaded_centroid`."""
     peak, count = 0.0, 0
     for i in range(len(reading)):
         peak = max(peak, reading[i] if variance[i] > 0.0 else 0.0)

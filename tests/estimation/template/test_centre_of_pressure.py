@@ -284,7 +284,7 @@ def test_the_centre_of_a_contact_that_forms_may_be_anywhere_in_it() -> None:
     scanned = Scanned.of(
         np.arange(13.0), places, shown, np.ones_like(shown), np.full(taxels, np.inf), np.zeros(taxels), 0.05
     )
-    centres = Centres.of(scanned, scanned.edge, 0.05).formed(scanned, 0.05)
+    centres = Centres.of(scanned, scanned.edge, 0.05).formed(0.05)
     std = np.sqrt(centres.covariance[:, 0])
     assert centres.place[0, 0] > 1.5  # of an object at 0
     assert centres.place[0, 0] < 3.0 * std[0]

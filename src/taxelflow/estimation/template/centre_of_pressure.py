@@ -45,7 +45,7 @@ import numpy as np
 from taxelflow.estimation.template.pose_output import Poses, judged_again
 from taxelflow.estimation.template.two_witnesses import combine, surely
 from taxelflow.numerics.bspline import states_of
-from taxelflow.numerics.centroid import CELL_ERROR, belonging, centroid_covariance, pressure_centre
+from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance, count_loaded, pressure_centre
 from taxelflow.numerics.geometry import turned
 from taxelflow.runtime.compiling import kernel
 
@@ -75,12 +75,13 @@ _CENTRE = _Centre()
 
 @kernel
 def _centres(scans: Readings, edge: Bools, tilt: float, out: Floats) -> None:
-    """Fill out (scans, 14) with each scan's `pressure_centre` (5,) and `centroid_covariance` (9,)."""
+    """Fill out (scans, 15) with each scan's `pressure_centre` (5,), `centroid_covariance` (9,) and `count_loaded`."""
     ceiling, places = scans.ceiling, scans.places
     for k in range(len(scans.value)):
         reading, variance = scans.value[k], scans.variance[k]
         pressure_centre(reading, variance, places, edge, out[k, :5])
-        centroid_covariance(reading, variance, ceiling, places, out[k, :5], CELL_ERROR, tilt, out[k, 5:])
+        centroid_covariance(reading, variance, ceiling, places, out[k, :5], CELL_ERROR, tilt, out[k, 5:14])
+        out[k, 14] = count_loaded(reading, variance)
 
 
 class Anchor(NamedTuple):
@@ -106,29 +107,30 @@ class Anchor(NamedTuple):
 
 class Centres(NamedTuple):
     """Centres of pressure of scans, in pitches: where they are (scans, 2), the covariance of each as xx, xy and yy
-    (scans, 3), with that by the border, the part of it that moves places on the map, too, whether there is a load
-    (scans,), and whether the border surely cuts the pattern (scans,).
+    (scans, 3), with that by the border, the part of it that moves places on the map, too, the number of loaded taxels
+    (scans,), whether there is a load (scans,), and whether the border surely cuts the pattern (scans,).
     """
 
     place: Floats
     covariance: Floats
     common: Floats
+    loaded: Floats
     known: Bools
     cut: Bools
 
     @classmethod
     def of(cls, scanned: Scanned, edge: Bools, tilt: float) -> Centres:
         """edge: (taxels,), at the pad's border. tilt: see `centroid_covariance`."""
-        found = np.empty((len(scanned), 14))
+        found = np.empty((len(scanned), 15))
         _centres(scanned.with_error(0.0), edge, tilt, found)
         place, border, known = found[:, :2], found[:, 2], found[:, 3] > 0
-        covariance, common = found[:, 5:8] + found[:, 8:11], found[:, 11:]
+        covariance, common = found[:, 5:8] + found[:, 8:11], found[:, 11:14]
         if known.any():
             moved = np.hypot(*(place - np.median(place[known], axis=0)).T)
             cut = ((BORDER_ERROR * border * moved) ** 2)[:, np.newaxis]
             covariance[:, [0, 2]] += cut
             common[:, [0, 2]] += cut
-        return cls(place, covariance, common, known, np.zeros_like(known))
+        return cls(place, covariance, common, found[:, 14], known, np.zeros_like(known))
 
     @property
     def spread(self) -> Floats:
@@ -142,7 +144,7 @@ class Centres(NamedTuple):
         average: Floats = np.average(own[self.known], axis=0, weights=trust[self.known])
         return average
 
-    def formed(self, scanned: Scanned, tilt: float) -> Centres:
+    def formed(self, tilt: float) -> Centres:
         """With the covariance of contacts that form or end. tilt: as for `of`.
 
         A taxel that comes and goes at the rim of a contact does not count. What the border does is subtracted before.
@@ -150,8 +152,7 @@ class Centres(NamedTuple):
         if not (self.known.any() and tilt > 0.0):
             return self
         extent = np.median(self.common[self.known], axis=0) / tilt**2
-        count = np.count_nonzero(belonging(scanned.readings, scanned.variance), axis=1)
-        missing = np.maximum(1.0 - (count + 1.0) / np.median(count[self.known]), 0.0)
+        missing = np.maximum(1.0 - (self.loaded + 1.0) / np.median(self.loaded[self.known]), 0.0)
         return self._replace(covariance=self.covariance + np.outer(missing**2, extent))
 
     def uncut(self, solved: Solved, scanned: Scanned, before: Anchor | None = None) -> tuple[Centres, Floats, Floats]:
@@ -164,7 +165,7 @@ class Centres(NamedTuple):
         The covariance contains the correction, which follows from the map. Scans before and after a jump are compared
         among themselves only: their part of the map may be another pattern.
         """
-        found = np.empty((len(scanned), 14))
+        found = np.empty((len(scanned), 15))
         model = solved.fit.model
         _centres(replace(scanned, readings=model).with_error(0.0), scanned.edge, 0.0, found)
         has_centre = np.nansum(model, axis=1) > _CENTRE.share * np.nansum(np.abs(model), axis=1)
@@ -220,7 +221,7 @@ def anchor_of(solved: Solved, scanned: Scanned, tilt: float, before: Anchor | No
     if scanned.across.any() or not centres.known.any():
         return None
     centres, inside, off = centres.uncut(solved, scanned, before)
-    centres = centres.formed(scanned, tilt)
+    centres = centres.formed(tilt)
     own = solved.fit.covariance
     trust = 1.0 / (own[:, 0, 0] + own[:, 1, 1] + centres.spread)
     variance = np.average(0.5 * centres.spread[centres.known], weights=trust[centres.known])
@@ -236,7 +237,7 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt:
     centres = Centres.of(scanned, edge, tilt)
     if solved is not None:
         centres, _, _ = centres.uncut(solved, scanned)
-    centres = centres.formed(scanned, tilt)
+    centres = centres.formed(tilt)
     known = np.isfinite(poses.pose[:, :2]).all(axis=1) & centres.known
     known &= np.isfinite(poses.covariance[:, :2, :2]).all(axis=(1, 2))
     if scanned.across.any() or not known.any():
