@@ -27,3 +27,17 @@ def test_a_failure_leaves_the_old_file_alone_and_names_it(tmp_path: Path) -> Non
     assert failure.value.filename == str(path)
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_directory_is_made(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "er" / "a.txt"
+    with whole_file(path) as part:
+        part.write_text("new")
+    assert path.read_text() == "new"
+
+
+def test_a_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(NotADirectoryError) as failure, whole_file(tmp_path / "file" / "deep" / "a.txt"):
+        pytest.fail("nothing can be written")
+    assert failure.value.filename == str(tmp_path / "file" / "deep")

@@ -55,6 +55,11 @@ def decimals(percent: float) -> int:
     return 3 if percent < 1 else 2
 
 
+def seeds_from(first: int, count: int) -> str:
+    """The seeds of a score: `seed 40`, or `3 seeds from 40`."""
+    return f"seed {first}" if count == 1 else f"{count} seeds from {first}"
+
+
 def solved_by(solver: str) -> str:
     """The end of a title that names the contact solver; nothing for the usual one."""
     return "" if solver == "analytic" else f", {solver} solver"

@@ -116,7 +116,9 @@ class Info(Recorded):
 class Plot:
     """Draw results: position against time, path over the pads, and one scan in the paper's three views."""
 
-    results: Annotated[Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RESULT")]
+    results: Annotated[
+        Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RESULT", help_behavior_hint="(one or more)")
+    ]
     """Directories that `taxelflow estimate --out` wrote, of one recording; several methods are drawn together. Of a
     hand, the four pads with the longest contacts are drawn."""
     out: Path | None = None

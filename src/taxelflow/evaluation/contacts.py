@@ -14,7 +14,7 @@ import numpy as np
 from rich.console import Console
 
 from taxelflow.evaluation.base import Table, unwatched
-from taxelflow.evaluation.cells import caption, shown
+from taxelflow.evaluation.cells import caption, seeds_from, shown
 from taxelflow.evaluation.nees import SPANS, Consistency, consistency
 from taxelflow.evaluation.pose_errors import contacts_of, without_frame
 from taxelflow.evaluation.statistics import rms
@@ -143,7 +143,7 @@ class ContactsReport(msgspec.Struct, frozen=True):
             ("mm", lambda row: _number(row.rms_mm, 3)),
             ("deg", lambda row: _number(row.rms_deg, 2)),
             *((str(span), partial(_nees, place)) for place, span in enumerate(SPANS)),
-            title=f"{scenario}, {mode}, {self.seeds} seeds from {self.seed}",
+            title=f"{scenario}, {mode}, {seeds_from(self.seed, self.seeds)}",
         )
 
 

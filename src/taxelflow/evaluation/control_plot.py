@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 def plot_course(course: Course, path: Path) -> Path:
     """Run a trial and draw force, load and slid distance. Raises ExtraMissing without matplotlib."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     seen = list(course)
     with styled():
         import matplotlib.pyplot as plt

@@ -15,7 +15,7 @@ import numpy as np
 from rich.console import Console
 
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import caption, short, shown
+from taxelflow.evaluation.cells import caption, seeds_from, short, shown
 from taxelflow.evaluation.statistics import rms
 from taxelflow.numerics.geometry import wrapped
 from taxelflow.pipeline import api
@@ -130,7 +130,7 @@ class FieldReport(msgspec.Struct, frozen=True):
         """Errors of translation and rotation, a table for each scenario."""
         console = Console(markup=False)
         for scenario in dict.fromkeys(row.scenario for row in self.rows):
-            title = f"{scenario}, {self.seeds} seeds"
+            title = f"{scenario}, {seeds_from(0, self.seeds)}"
             table = shown(
                 [row for row in self.rows if row.scenario == scenario],
                 *(("vectors", "vectors"), ("hand:", "cut")),

@@ -17,7 +17,7 @@ from rich.console import Console
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import table_of, unwatched
 from taxelflow.evaluation.bound import modelled
-from taxelflow.evaluation.cells import Column, caption, number, percent, short, shown
+from taxelflow.evaluation.cells import Column, caption, number, percent, seeds_from, short, shown
 from taxelflow.evaluation.field import SCENES
 from taxelflow.evaluation.grasp_rows import GraspRow, grasp_rows
 from taxelflow.numerics.geometry import rotation
@@ -134,7 +134,7 @@ class HandReport(msgspec.Struct, frozen=True):
             ("bound deg", lambda row: number(row.turn_bound_deg, 4)),
             ("ratio", "turn_ratio", 2),
             ("NEES", "nees", 2),
-            title=f"pose of the object over the hand, {self.seeds} seeds from {self.seed}",
+            title=f"pose of the object over the hand, {seeds_from(self.seed, self.seeds)}",
         )
         console.print(table)
         caption(

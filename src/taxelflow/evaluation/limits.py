@@ -18,7 +18,7 @@ from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import Table, unwatched
 from taxelflow.evaluation.bound import bound_of
-from taxelflow.evaluation.cells import Column, caption, number, shown, solved_by
+from taxelflow.evaluation.cells import Column, caption, number, seeds_from, shown, solved_by
 from taxelflow.evaluation.limits_rows import (
     ERROR,
     MOTION,
@@ -210,7 +210,7 @@ class LimitsReport(msgspec.Struct, frozen=True):
             caption(console, f"no position, so not scored: {', '.join(self.without)}")
 
     def _errors(self) -> Shown:
-        ran = f"{self.scenario}, {self.mode}, {self.seeds} seeds from {self.seed}{solved_by(self.solver)}"
+        ran = f"{self.scenario}, {self.mode}, {seeds_from(self.seed, self.seeds)}{solved_by(self.solver)}"
         return shown(
             self.rows,
             *(("method:", "method"), ("scans:", "scans"), ("n", "count"), _AXIS),

@@ -70,7 +70,9 @@ class Film:
 class Report:
     """Write results as one HTML file that opens offline: timeline, trajectories, key scans, health, parameters."""
 
-    results: Annotated[Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RESULT")]
+    results: Annotated[
+        Positional[tuple[Path, ...]], tyro.conf.arg(metavar="RESULT", help_behavior_hint="(one or more)")
+    ]
     """Directories that `taxelflow estimate --out` wrote: methods of one recording are drawn together, recordings one
     after the other."""
     out: Path = Path("report.html")

@@ -45,7 +45,6 @@ def draw_paper(out: Path, form: str, *, strokes: int, seeds: int, watched: Watch
 
     strokes: per speed in Table I. seeds: per scenario in the curves of rotation error and of error against the bound.
     """
-    out.mkdir(parents=True, exist_ok=True)
     figures: dict[str, Callable[[], Figure]] = {
         "fig2-taxels": _taxels,
         "fig4-bulb": _bulb,

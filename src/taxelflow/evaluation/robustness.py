@@ -15,7 +15,7 @@ from rich.console import Console
 from taxelflow.errors import NameUnknown, TipsOver
 from taxelflow.estimation.base import Mode
 from taxelflow.evaluation.base import table_of, unwatched
-from taxelflow.evaluation.cells import Column, caption, number, percent, short, shown
+from taxelflow.evaluation.cells import Column, caption, number, percent, seeds_from, short, shown
 from taxelflow.evaluation.robustness_rows import SIMPLE, CaseRow, RobustnessSummary, row_of, summaries, with_ratios
 from taxelflow.pipeline import api
 from taxelflow.publish.quiet import quiet_table
@@ -166,7 +166,7 @@ class RobustnessReport(msgspec.Struct, frozen=True):
     def _errors(self) -> Shown:
         methods = list(dict.fromkeys(row.method for row in self.rows))
         title = (
-            f"reliefs on an elastic skin, {self.moved}, {self.mode}, {self.seeds} seeds from {self.seed}: error in mm"
+            f"reliefs on an elastic skin, {self.moved}, {self.mode}, {seeds_from(self.seed, self.seeds)}: error in mm"
         )
         table = quiet_table("effect:", "shape:", "layout:", "seed", *map(short, methods), title=title)
         by_case: dict[tuple[str, str, str, int], dict[str, CaseRow]] = {}

@@ -99,7 +99,6 @@ def draw_results(pictures: Pictures, out: Path, form: str) -> list[Path]:
         raise ParameterInvalid("format", form, f"be {', '.join(_FORMATS[:-1])} or {_FORMATS[-1]}")
     made: list[Path] = []
     with styled():
-        out.mkdir(parents=True, exist_ok=True)
         for stem, figure in _figures(pictures):
             made.append(save(figure, _free(out, stem, form, made)))
     return made
@@ -151,7 +150,6 @@ def draw_sensors(sensors: Sequence[Sensor], out: Path) -> list[Path]:
     if form and (form not in _FORMATS or len(sensors) > 1):
         raise ParameterInvalid("plot", str(out), f"be a directory, or a file that ends in .{' or .'.join(_FORMATS)}")
     made: list[Path] = []
-    (out.parent if form else out).mkdir(parents=True, exist_ok=True)
     with styled():
         for sensor in sensors:
             path = out if form else _free(out, sensor.name, "svg", made)

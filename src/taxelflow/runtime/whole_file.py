@@ -14,11 +14,15 @@ if TYPE_CHECKING:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """A file beside `path` to write to; it replaces `path` when all is written, and is removed if that fails."""
+    """A file beside `path` to write to; it replaces `path` when all is written, and is removed if that fails.
+
+    The directory is made if it does not exist.
+    """
     part = path.with_name(path.name + ".part")
-    try:
-        with written_at(path):
+    with written_at(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
             yield part
             part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+        finally:
+            part.unlink(missing_ok=True)

@@ -75,7 +75,6 @@ def render(report: Report) -> str:
 def write_report(report: Report, path: Path) -> int:
     """Write the page, whole or not at all; return its size in bytes. Raises ExtraMissing."""
     content = render(report).encode()
-    path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as part:
         part.write_bytes(content)
     return len(content)
