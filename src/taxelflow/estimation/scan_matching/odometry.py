@@ -42,11 +42,13 @@ from taxelflow.estimation.scan_matching.uncertainty import (
     earlier_gains,
     gains,
     hidden_shares,
+    is_anywhere,
+    is_blurred,
     turn_observability,
     turn_variance,
 )
-from taxelflow.estimation.scan_matching.witness import judge
-from taxelflow.messages import LOST, UNRESOLVED, Bools, Floats
+from taxelflow.estimation.scan_matching.witness import contradicts
+from taxelflow.messages import AMBIGUOUS, LOST, NO_POSE, UNRESOLVED, Bools, Floats
 from taxelflow.numerics.bspline import STATE, State, put
 from taxelflow.numerics.centroid import loaded_centroid
 from taxelflow.numerics.records import Records
@@ -190,12 +192,21 @@ def advance(
     write_pose(track, shows_turn, taxels.units, out.pose[k, pad], matrix, out.unseen[k, pad])
     forget_unobservable(spline.unobservable, begins, taxels.units, own, matrix, step_matrix)
     fits = misfit <= freedom * gate(1.0, freedom)
-    out.quality[k, pad] = judge(scan, taxels, own, track, block.complete[k, pad]) if fits else UNRESOLVED
+    out.quality[k, pad] = quality_of(scan, taxels, own, track, block.complete[k, pad]) if fits else UNRESOLVED
     keep_gains(g, points.taxel, last.gains)
     if not begins:
         if not block.complete[k, pad]:
             fill_missing(surface.c, surface.lattice, taxels.places, origin, taxels.noise, variance, fit.state, now)
         remember(now, variance, spline, last)
+
+
+@routine
+def quality_of(scan: Scan, taxels: Taxels, own: Floats, track: Track, is_complete: bool) -> int:
+    """Quality of a pose whose scan fits the last one. own: (3, 3), covariance by one scan. `NO_POSE` where the pipeline
+    judges.
+    """
+    is_ambiguous = is_blurred(own) or is_anywhere(track.covariance, taxels.places)
+    return AMBIGUOUS if is_ambiguous or (is_complete and contradicts(scan, taxels, track)) else NO_POSE
 
 
 @routine

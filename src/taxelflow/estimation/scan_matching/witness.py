@@ -7,32 +7,13 @@ the centres in both scans, see `numerics.centroid`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from taxelflow.estimation.scan_matching.track import Scan, Taxels, Track, drift_of, variance_of
-from taxelflow.estimation.scan_matching.uncertainty import is_anywhere, is_blurred
-from taxelflow.messages import AMBIGUOUS, NO_POSE
 from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance, count_loaded, pressure_centre
 from taxelflow.numerics.robust import CLEARLY, GATE
 from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import routine
-
-if TYPE_CHECKING:
-    from taxelflow.messages import Floats
-
-
-@routine
-def judge(scan: Scan, taxels: Taxels, own: Floats, track: Track, is_complete: bool) -> int:
-    """Quality of a pose whose scan fits the last one. own: (3, 3), covariance by one scan. `NO_POSE` where the pipeline
-    judges.
-    """
-    if is_blurred(own) or is_anywhere(track.covariance, taxels.places):
-        return AMBIGUOUS
-    if is_complete and contradicts(scan, taxels, track):
-        return AMBIGUOUS
-    return NO_POSE
 
 
 @routine
