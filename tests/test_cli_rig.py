@@ -130,9 +130,11 @@ def test_an_output_that_is_no_npz(tmp_path: Path, capsys: Capture, name: str) ->
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_output_in_no_directory(tmp_path: Path, capsys: Capture) -> None:
-    assert "none" in refused(capsys, "simulate", "stroke", "--out", tmp_path / "none" / "a.npz")
-    assert list(tmp_path.iterdir()) == []
+def test_the_directory_of_the_output_is_made(tmp_path: Path, capsys: Capture) -> None:
+    assert main(["simulate", "turn", "--out", str(tmp_path / "deep" / "a.npz")]) == 0
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["a.npz"]
+    capsys.readouterr()
+    assert "a.npz" in refused(capsys, "simulate", "turn", "--out", tmp_path / "deep" / "a.npz" / "b.npz")
 
 
 def test_an_output_that_is_a_directory_is_left_alone(tmp_path: Path, capsys: Capture) -> None:

@@ -107,7 +107,7 @@ class WorkersReport(msgspec.Struct, frozen=True):
         console.print(shown(self.rows, *columns, title=f"batch, {self.method}, {self.recordings} recordings"))
         caption(
             console,
-            "wall, task and client: of one recording, after each worker's first, which loads kernels;\n"
+            "wall, task and client: of one recording, after each worker's first, which loads kernels; "
             "ratio: of the rate to that of the first row, on idle cores only.",
         )
 

@@ -127,9 +127,9 @@ class ContactsReport(msgspec.Struct, frozen=True):
             console.print(f"{scenario}, as one: {share:.0%} of runs note that contacts move apart", highlight=False)
         caption(
             console,
-            "alone: the other object is not there. told apart: --contacts 2. as one: without.\n"
-            "known: share of the contact's scans with a pose that is not lost; ok: with\n"
-            "quality ok. mm, deg: RMS of place and turn, each contact's best constant offset\n"
+            "alone: the other object is not there. told apart: --contacts 2. as one: without. "
+            "known: share of the contact's scans with a pose that is not lost; ok: with "
+            "quality ok. mm, deg: RMS of place and turn, each contact's best constant offset "
             "taken off. 1, 20, 100: NEES a degree of freedom over that number of scans.",
         )
 

@@ -139,7 +139,7 @@ class HandReport(msgspec.Struct, frozen=True):
         console.print(table)
         caption(
             console,
-            "RMS errors, one constant offset a recording taken off; bound: of one scan, pattern known;\n"
+            "RMS errors, one constant offset a recording taken off; bound: of one scan, pattern known; "
             "NEES: of the pose since first contact, 1 if the covariance is right.",
         )
         if self.grasps:
@@ -147,8 +147,8 @@ class HandReport(msgspec.Struct, frozen=True):
             console.print(_twists(self.grasps))
             caption(
                 console,
-                "window of 0.25 s, 25 mm/s and 30 deg/s together; direction: median, others RMS\n"
-                "bounds: RMS, patterns and joints known; blamed: strokes in which the pad that\n"
+                "window of 0.25 s, 25 mm/s and 30 deg/s together; direction: median, others RMS; "
+                "bounds: RMS, patterns and joints known; blamed: strokes in which the pad that "
                 "sticks, and no other, is blamed, %",
             )
             console.print()

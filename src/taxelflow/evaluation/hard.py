@@ -134,9 +134,9 @@ class HardReport(msgspec.Struct, frozen=True):
             console.print(f"{short(method)}, {speed} mm/s, {case}: no stroke has a velocity", highlight=False)
         caption(
             console,
-            "All scans in contact, no factor. ±: standard error of the RMSE. median: of the\n"
-            "error's absolute value. bound: Cramér-Rao, each scan by itself, pattern known\n"
-            "(without saturated and dead taxels). far: strokes beyond --far-percent; below, the\n"
+            "All scans in contact, no factor. ±: standard error of the RMSE. median: of the "
+            "error's absolute value. bound: Cramér-Rao, each scan by itself, pattern known "
+            "(without saturated and dead taxels). far: strokes beyond --far-percent; below, the "
             "furthest as seed/stroke and error in %.",
         )
 

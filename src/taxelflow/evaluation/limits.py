@@ -189,19 +189,19 @@ class LimitsReport(msgspec.Struct, frozen=True):
         console.print(self._errors())
         caption(
             console,
-            f"{self.scored} scans of {self.contact} in contact are scored: their bound is below a\n"
-            "quarter of a pitch. ok: scans whose quality is ok. bound: Cramér-Rao, gain\n"
-            "and baseline unknown, RMS over the same scans. x known, x unknown: RMS of each\n"
-            "scan's error over its own bound, the object's pattern known and unknown; 1 is\n"
-            "the best without further knowledge. One constant offset a contact is taken off.\n"
+            f"{self.scored} scans of {self.contact} in contact are scored: their bound is below a "
+            "quarter of a pitch. ok: scans whose quality is ok. bound: Cramér-Rao, gain "
+            "and baseline unknown, RMS over the same scans. x known, x unknown: RMS of each "
+            "scan's error over its own bound, the object's pattern known and unknown; 1 is "
+            "the best without further knowledge. One constant offset a contact is taken off. "
             "±%: standard error of the RMS, from the scatter among contacts.",
         )
         console.print()
         console.print(_since(self.since))
         caption(
             console,
-            "Nothing is fitted or taken off. last: RMS over contacts of the error in their\n"
-            "last scan. bound, unknown: of the same motion, the pattern known and unknown.\n"
+            "Nothing is fitted or taken off. last: RMS over contacts of the error in their "
+            "last scan. bound, unknown: of the same motion, the pattern known and unknown. "
             "Processor time of a recording, s: " + ", ".join(f"{one.method} {one.median:.2f}" for one in self.seconds),
         )
         console.print()

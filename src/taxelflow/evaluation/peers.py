@@ -191,9 +191,9 @@ class PeersReport(msgspec.Struct, frozen=True):
             console.print(f"no velocity at all: {', '.join(self.silent)}", highlight=False)
         caption(
             console,
-            "all: every scan in contact. interior: the object near the palm's centre.\n"
-            "fit: with one factor a method and set, fitted at 25 mm/s on other strokes.\n"
-            "failed: pairs of scans without an answer, in %; the sum of displacements starts\n"
+            "all: every scan in contact. interior: the object near the palm's centre. "
+            "fit: with one factor a method and set, fitted at 25 mm/s on other strokes. "
+            "failed: pairs of scans without an answer, in %; the sum of displacements starts "
             "again after them. In brackets: strokes, where not all gave a velocity.",
         )
 

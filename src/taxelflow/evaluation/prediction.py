@@ -128,11 +128,11 @@ class PredictionReport(msgspec.Struct, frozen=True):
             console.print("no contact is long enough to predict a scan of it")
         caption(
             console,
-            "Errors of the next scan, RMS, in % of its readings. forecast: the last scan,\n"
-            "changed as the template is if the motion goes on. no motion: the last scan.\n"
-            "registered: the template at the pose of that scan. centroid: the last scan,\n"
-            "moved as far as the centroid did. noise: the sensor's own. Turns: the longest\n"
-            "contact that shows one, while it has a quarter of its load or more; the template\n"
+            "Errors of the next scan, RMS, in % of its readings. forecast: the last scan, "
+            "changed as the template is if the motion goes on. no motion: the last scan. "
+            "registered: the template at the pose of that scan. centroid: the last scan, "
+            "moved as far as the centroid did. noise: the sensor's own. Turns: the longest "
+            "contact that shows one, while it has a quarter of its load or more; the template "
             "as a batch.",
         )
 

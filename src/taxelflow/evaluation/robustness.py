@@ -141,7 +141,7 @@ class RobustnessReport(msgspec.Struct, frozen=True):
         console.print(self._errors())
         caption(
             console,
-            "RMS of the position's error in mm, one constant offset a recording taken off; -: a\n"
+            "RMS of the position's error in mm, one constant offset a recording taken off; -: a "
             "pose in fewer than half of the scans in contact.",
         )
         for method in dict.fromkeys(one.method for one in self.summaries):
@@ -149,16 +149,17 @@ class RobustnessReport(msgspec.Struct, frozen=True):
             console.print(self._honesty(method))
         caption(
             console,
-            "ratio: to the best of the simple methods. NEES: 1 is right, above: the covariance is\n"
-            "too small. ok: share of scans in contact. wrong: share of these off by over 3 sigma and\n"
-            "0.3 mm, the offset taken off that fits the ok poses best.",
+            "ratio: to the best of the simple methods. NEES: 1 is right, above: the "
+            "covariance is too small. ok: share of scans in contact. wrong: share of these off "
+            "by over 3 sigma and 0.3 mm, the offset taken off that fits the ok poses best.",
         )
         console.print()
         console.print(_summary(self.summaries))
         caption(
             console,
-            "worse: cases more than 1.1 times the error of the best simple method. better: share of\n"
-            "cases with less than a third of it. NEES: median over the cases. ok, wrong: of all scans.",
+            "worse: cases more than 1.1 times the error of the best simple method. better: "
+            "share of cases with less than a third of it. NEES: median over the cases. ok, "
+            "wrong: of all scans.",
         )
         if self.tipped:
             caption(console, f"left out, because the object tips over: {'; '.join(self.tipped)}")

@@ -168,12 +168,12 @@ class SlipReport(msgspec.Struct, frozen=True):
             console.print(self._still())
         caption(
             console,
-            "best: F1 of an oracle that keeps the rate and knows place, velocity and\n"
-            "covariance of the poses, only not when it slips. ms, p90: from the first\n"
-            "slipping scan to the first called so.\n"
-            "false: started while still. split: started again within a slip. deg, %: median\n"
-            "error of a slip's direction and speed. 95 %: interval of the rate, called live.\n"
-            "scatter: learned, over the covariance's. roll and tilt are no slips, but\n"
+            "best: F1 of an oracle that keeps the rate and knows place, velocity and "
+            "covariance of the poses, only not when it slips. ms, p90: from the first "
+            "slipping scan to the first called so. "
+            "false: started while still. split: started again within a slip. deg, %: median "
+            "error of a slip's direction and speed. 95 %: interval of the rate, called live. "
+            "scatter: learned, over the covariance's. roll and tilt are no slips, but "
             "pressure alone cannot separate them.",
         )
 

@@ -105,9 +105,9 @@ class Table1Report(msgspec.Struct, frozen=True):
         console.print(_our_table(self))
         caption(
             console,
-            "all: every scan in contact. interior: the object's centre at most 22 mm\n"
-            "from the palm's. factor: one per method and set of scans, fitted at 25 mm/s\n"
-            "on strokes that are not in the table, in brackets the standard error of its\n"
+            "all: every scan in contact. interior: the object's centre at most 22 mm "
+            "from the palm's. factor: one per method and set of scans, fitted at 25 mm/s "
+            "on strokes that are not in the table, in brackets the standard error of its "
             "last digits. RMSE in mm/s and %, ± the standard error of the latter; bias in %.",
         )
 

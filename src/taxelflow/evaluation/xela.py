@@ -191,9 +191,9 @@ class XelaReport(msgspec.Struct, frozen=True):
                 console.print()
         caption(
             console,
-            "In %. F1, prec, rec: scans that move by the marker against scans called\n"
-            "slipping. still: scans that are still by it and called slipping. mm, worst: largest\n"
-            "excursion of ok poses while still, median over recordings and largest. ok: of\n"
+            "In %. F1, prec, rec: scans that move by the marker against scans called "
+            "slipping. still: scans that are still by it and called slipping. mm, worst: largest "
+            "excursion of ok poses while still, median over recordings and largest. ok: of "
             "the still scans. 95 %: bootstrap over recordings.",
         )
 
