@@ -65,6 +65,16 @@ def test_a_contact_that_has_formed_since_gives_the_distance_again() -> None:
     assert found(scan(0.0), taxels(), own)
 
 
+def test_a_contact_that_grows_after_it_was_contradicted_gives_no_other_distance() -> None:
+    own = track()
+    assert not found(scan(0.0, radius=2.3), taxels(), own)
+    own["pose"][0] = 2.0
+    assert found(scan(0.0, radius=2.9), taxels(), own)
+    assert found(scan(0.0, radius=3.2), taxels(), own)  # half as many taxels more than at first
+    own["pose"][0] = 0.0
+    assert not found(scan(0.0, radius=3.2), taxels(), own)
+
+
 def test_a_sensor_without_an_unseen_error_contradicts_nothing() -> None:
     own = track()
     assert not found(scan(0.0), taxels(0.0), own)

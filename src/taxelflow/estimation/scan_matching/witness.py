@@ -44,4 +44,7 @@ def contradicts(scan: Scan, taxels: Taxels, track: Track) -> bool:
         found[a] += found[3 + a] + track.doubt[a]
         found[a] += variance_of(track, i, j) + drift_of(track, i, j)
     xx, xy, yy = inverse2(found[0], found[1], found[2])
-    return bool(x * x * xx + 2.0 * x * y * xy + y * y * yy > 2.0 * GATE)
+    apart = x * x * xx + 2.0 * x * y * xy + y * y * yy > 2.0 * GATE
+    if apart:  # a contact that grows now forgives nothing: this one has formed
+        track.loaded = max(track.loaded, count)
+    return bool(apart)
