@@ -292,6 +292,38 @@ def test_the_centre_of_a_contact_that_forms_may_be_anywhere_in_it() -> None:
     assert (centres.common[0] <= centres.common[-1] + 1e-9).all()  # the map's place is not moved by it
 
 
+def test_the_centre_of_a_contact_that_forms_has_a_covariance_though_its_shape_changes() -> None:
+    """Bars across each other and a spot: the medians of their second moments, element by element, are those of none."""
+    x, y = np.meshgrid(np.arange(-4.0, 5.0), np.arange(-4.0, 5.0))
+    places, taxels = np.stack([x.ravel(), y.ravel()]), x.size
+    along, across, spot = (
+        1000.0 * (np.abs(off) < 0.6)
+        for off in (places[1] - 0.4 * places[0], places[0] - 0.4 * places[1], np.hypot(*places) - 0.9)
+    )
+    touching = along * (places[0] > 2.5)
+    shown = np.stack([touching, *[along] * 4, *[across] * 4, *[spot] * 3])
+    scanned = Scanned.of(
+        np.arange(12.0), places, shown, np.ones_like(shown), np.full(taxels, np.inf), np.zeros(taxels), 0.05
+    )
+    xx, xy, yy = Centres.of(scanned, scanned.edge, 0.05).formed(0.05).covariance.T
+    assert (xx * yy > xy * xy).all()
+
+
+def test_what_the_border_does_is_no_extent_of_a_contact_that_forms() -> None:
+    x, y = np.meshgrid(np.arange(-3.0, 4.0), np.arange(-3.0, 4.0))
+    places, taxels = np.stack([x.ravel(), y.ravel()]), x.size
+    full = 1000.0 * (np.hypot(*places) < 2.5)
+    shown = np.stack([full * (places[0] > 1.5), *[full] * 10])
+    scanned = Scanned.of(
+        np.arange(11.0), places, shown, np.ones_like(shown), np.full(taxels, np.inf), np.zeros(taxels), 0.05
+    )
+    centres = Centres.of(scanned, scanned.edge, 0.05)
+    cut = centres._replace(common=centres.common + np.array([1.0, 0.0, 0.0]))  # as by a shift of a pitch
+    added = cut.formed(0.05).covariance - cut.covariance
+    assert added[0, 0] <= 1.5**2  # a quarter of a disc's squared radius is its second moment
+    np.testing.assert_allclose(added, centres.formed(0.05).covariance - centres.covariance)
+
+
 @pytest.mark.long
 def test_a_map_that_predicts_less_than_none_leads_no_stream_off_the_pad(recordings: Path) -> None:
     """Of a real teapot: the centre of a prediction that was hardly more than none lay 480 mm beside a pad of 20 mm."""

@@ -290,6 +290,24 @@ def test_a_contact_that_comes_later_inherits_the_error_of_the_pose() -> None:
     assert np.trace(found.pose_covariance[50]) > 1.5 * np.trace(always.pose_covariance[50])
 
 
+def test_a_direction_that_nothing_saw_before_others_touched_stays_unobservable() -> None:
+    """One finger touches first: where the object tilted until the others came is not known afterwards, either."""
+    sensor = hand(around(6))
+    slips = slips_of(sensor, moved(60, np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.2])))
+    slips.contact[:10, 1:] = False
+    slips.pose[:10, 1:] = np.nan
+    found = fused(sensor, slips)
+    centre = np.eye(6)  # to the mean of the contacts, turns times the length
+    centre[:3, 3:] = -np.cross(np.mean([pad.pose[:3] for pad in sensor.pads if pad.pose], axis=0), np.eye(3)).T
+    scale = np.diag([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+    for scan in (5, 12, 30, 59):
+        whole = scale @ centre @ found.pose_covariance[scan] @ centre.T @ scale
+        known = int((np.linalg.eigvalsh(whole) < 0.005**2).sum())
+        assert found.pose_rank[scan] == known == 3
+        assert (np.abs(found.pose_blind[scan]).max(axis=1) > 0.0).sum() == 3
+    assert (found.rank[45:] == 6).all()  # the twist is known all the same
+
+
 def test_a_gap_that_the_method_does_not_measure_across_makes_no_jump() -> None:
     sensor = hand(around(6))
     slips = slips_of(sensor, moved(60, np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.2])))
@@ -311,6 +329,8 @@ def test_after_a_gap_of_all_pads_the_pose_goes_on_with_a_larger_covariance() -> 
     found = fused(sensor, slips)
     assert np.abs(found.pose[20:, :3] - found.pose[19, :3]).max() < 1e-4
     assert (np.sqrt(np.diagonal(found.pose_covariance[30])[:3]) > 0.02).all()
+    assert (found.pose_rank[:20] == 6).all()
+    assert (found.pose_rank[20:] == 0).all()
 
 
 def test_all_contacts_lost_means_a_new_beginning_and_no_result_depends_on_blocks() -> None:

@@ -107,13 +107,15 @@ class Anchor(NamedTuple):
 
 class Centres(NamedTuple):
     """Centres of pressure of scans, in pitches: where they are (scans, 2), the covariance of each as xx, xy and yy
-    (scans, 3), with that by the border, the part of it that moves places on the map, too, the number of loaded taxels
-    (scans,), whether there is a load (scans,), and whether the border surely cuts the pattern (scans,).
+    (scans, 3), with that by the border, the part of it that moves places on the map, too, the second moment of the load
+    about the centre (scans, 3), the number of loaded taxels (scans,), whether there is a load (scans,), and whether the
+    border surely cuts the pattern (scans,).
     """
 
     place: Floats
     covariance: Floats
     common: Floats
+    extent: Floats
     loaded: Floats
     known: Bools
     cut: Bools
@@ -125,12 +127,13 @@ class Centres(NamedTuple):
         _centres(scanned.with_error(0.0), edge, tilt, found)
         place, border, known = found[:, :2], found[:, 2], found[:, 3] > 0
         covariance, common = found[:, 5:8] + found[:, 8:11], found[:, 11:14]
+        extent = common / tilt**2 if tilt > 0.0 else np.zeros_like(common)
         if known.any():
             moved = np.hypot(*(place - np.median(place[known], axis=0)).T)
             cut = ((BORDER_ERROR * border * moved) ** 2)[:, np.newaxis]
             covariance[:, [0, 2]] += cut
             common[:, [0, 2]] += cut
-        return cls(place, covariance, common, found[:, 14], known, np.zeros_like(known))
+        return cls(place, covariance, common, extent, found[:, 14], known, np.zeros_like(known))
 
     @property
     def spread(self) -> Floats:
@@ -148,10 +151,12 @@ class Centres(NamedTuple):
         """With the covariance of contacts that form or end. tilt: as for `of`.
 
         A taxel that comes and goes at the rim of a contact does not count. What the border does is subtracted before.
+        The whole contact's extent is that of the scan of median size: a median of each element is no covariance.
         """
         if not (self.known.any() and tilt > 0.0):
             return self
-        extent = np.median(self.common[self.known], axis=0) / tilt**2
+        own = self.extent[self.known]
+        extent = own[np.argsort(own[:, 0] + own[:, 2], kind="stable")[len(own) // 2]]
         missing = np.maximum(1.0 - (self.loaded + 1.0) / np.median(self.loaded[self.known]), 0.0)
         return self._replace(covariance=self.covariance + np.outer(missing**2, extent))
 

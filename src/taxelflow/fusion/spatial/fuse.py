@@ -264,7 +264,7 @@ def pose_step(
             if not another(attempt, verdict, deepest, usual, under, seen.under[scan]):
                 break
         centre = centre_of(seen.frames[scan], seen.known[scan])
-        inherit(contacts, solution, centre, limits, memory.anchors, body)
+        verdict = inherit(contacts, solution, centre, limits, verdict, memory.anchors, body)
         unscale(solution, verdict, centre, limits.length_m, limits.pose_m, pose)
         widen(past, usual, verdict, pose)
         for pad in range(len(contacts.use)):

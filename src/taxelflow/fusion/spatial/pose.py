@@ -14,7 +14,7 @@ import numpy as np
 
 from taxelflow.fusion.reference import UNOBSERVABLE_M
 from taxelflow.fusion.spatial.robust import Verdict, solve_robustly
-from taxelflow.fusion.spatial.solve import Contacts, Solution, add_product
+from taxelflow.fusion.spatial.solve import Contacts, Solution, add_product, judge_covariance
 from taxelflow.fusion.spatial.twist import (
     Limits,
     centre_of,
@@ -165,14 +165,23 @@ def move_about(centre: Floats, step: Floats, pose: Floats) -> None:
 
 @routine
 def inherit(
-    contacts: Contacts, solution: Solution, centre: Floats, limits: Limits, anchors: Records, body: Body
-) -> None:
-    """Add to the solution's covariance what the anchors inherited: errors of the pose when they were set, in common."""
+    contacts: Contacts,
+    solution: Solution,
+    centre: Floats,
+    limits: Limits,
+    verdict: Verdict,
+    anchors: Records,
+    body: Body,
+) -> Verdict:
+    """Add to the solution's covariance what the anchors inherited: errors of the pose when they were set, in common.
+
+    The verdict with the rank that is left: a direction in which the pose was not known then is not known now.
+    """
     old = False
     for pad in range(len(anchors)):
         old = old or (contacts.use[pad] > 0.0 and anchors[pad].root[0, 0] > 0.0)
     if not old:
-        return
+        return verdict
     total = np.zeros((6, 6))
     A = np.zeros((6, 6))
     for i in range(3):  # from the object's frame to the hand's axes at the centre, scaled
@@ -194,6 +203,8 @@ def inherit(
     for i in range(6):
         for j in range(6):
             solution.covariance[i, j] += total[i, j]
+    rank = judge_covariance(solution, limits.pose_m)
+    return Verdict(rank, verdict.chi2, verdict.freedom, verdict.contradicted, verdict.blamed)
 
 
 @routine

@@ -118,6 +118,24 @@ def all_observed(limit: float, out: Solution) -> bool:
     return factor_small(out.covariance, 6)
 
 
+@routine
+def judge_covariance(out: Solution, limit: float) -> int:
+    """Decide by the covariance which directions are observable, where it has grown: values, vectors and rank."""
+    for i in range(6):
+        for j in range(6):
+            out.normal[i, j] = -out.covariance[i, j]
+        out.normal[i, i] += limit * limit
+    if factor_small(out.normal, 6):
+        return 6
+    copy_matrix(out.covariance, out.normal)
+    eigen_symmetric(out.normal, out.values, out.vectors, 6)
+    rank = 0
+    for d in range(6):
+        out.values[d] = 1.0 / out.values[d]
+        rank += out.values[d] * limit * limit > 1.0
+    return rank
+
+
 @lean_kernel
 def solve_whole(out: Solution) -> None:
     """Fill xi and its covariance where all directions are observed: a twentieth of the work of eigenvectors."""
