@@ -123,6 +123,22 @@ def test_a_still_contact_is_no_fault() -> None:
         assert found_in(values) == ()
 
 
+@both_modes
+@pytest.mark.parametrize(("offset", "found"), [(0.0, []), (20e3, [BAD])])
+def test_a_taxel_that_a_held_object_hardly_leaves_is_a_fault_only_if_it_rests_elsewhere(
+    offset: float, found: list[int], mode: str
+) -> None:
+    values = np.random.default_rng(0).normal(0, 100, (600, 80))
+    values[40:, BAD] += 50e3
+    values[:, BAD] += offset
+    values[40:530, BAD + 12] += 20e3  # what else the object loads, in less than nine of ten scans each
+    values[530:, BAD + 2] += 20e3
+    findings = found_in(values, mode)
+    assert [finding.taxel for finding in findings] == found
+    assert [finding.fault for finding in findings] == ["offset"] * len(found)
+    assert [finding.value for finding in findings] == pytest.approx([offset] * len(found), rel=0.01)
+
+
 def test_an_idle_recording_shows_no_faults() -> None:
     assert found_in(np.random.default_rng(0).normal(0, 100, (600, 80))) == ()
     assert found_in(np.zeros((600, 80))) == ()

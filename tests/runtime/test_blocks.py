@@ -138,7 +138,7 @@ def test_slips_are_carried(seed: int, textured: bool) -> None:
 @SEEDS
 def test_verdicts_are_reached(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    flags: Any = tuple(rng.random((40, PADS)) < share for share in (0.5, 0.2, 0.9, 0.3, 0.6, 0.5))
+    flags: Any = tuple(rng.random((40, PADS)) < share for share in (0.5, 0.2, 0.2, 0.9, 0.3, 0.6, 0.5))
     odds = rng.normal(-2.0, 3.0, (2, 40, PADS))
     odds[1, rng.random((40, PADS)) < 0.1] = np.nan
     since_s = np.where(rng.random((40, PADS)) < 0.2, np.inf, -np.inf)

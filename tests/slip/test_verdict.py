@@ -117,6 +117,17 @@ def test_a_pattern_that_nobody_has_compared_speaks_against_nothing() -> None:
     assert [event.event for event in events] == ["slip_start", "slip_stop"]
 
 
+@pytest.mark.parametrize("quality", [AMBIGUOUS, OK])
+def test_a_slip_that_begins_where_another_ends_needs_the_consent_of_its_own_pattern(quality: int) -> None:
+    odds = [9.0, 9.0, 9.0, 9.0, -9.0, -9.0]
+    slipping, events = of_palm([quality] * SCANS, odds, again=4)
+    sure = quality == OK
+    assert slipping.tolist() == [False, False, True, True, sure, False]
+    kinds = ["slip_start", "slip_stop", "slip_start", "slip_stop"] if sure else ["slip_start", "slip_stop"]
+    assert [event.event for event in events] == kinds + ([] if sure else ["slip_suspected"])
+    assert [event.onset_s for event in events[1:3]] == [0.035, 0.035]
+
+
 def of_palm(
     quality: list[int],
     log_odds: list[float],
@@ -127,10 +138,12 @@ def of_palm(
     step_m: float = 0.0,
     restless: bool = False,
     scan_s: float = 0.01,
+    again: int | None = None,
 ) -> tuple[np.ndarray, list[Event]]:
     """Verdict on the palm, whose pose slips in scans 2 to 4: (scans,), and events. quality, log_odds: per scan.
 
     ago_s: time from the onset to the scan in which the pose's detector finds the slip. step_m: displacement of a scan.
+    again: scan in which one slip of the pose ends and another begins.
     """
     layout = HAND.layout
     pads = len(layout.pads)
@@ -138,6 +151,9 @@ def of_palm(
     slipping[2:5, 0] = True
     start_s, stop_s = 2 * scan_s, 5 * scan_s
     events = [Event(start_s, "palm", "slip_start", start_s - ago_s), Event(stop_s, "palm", "slip_stop", stop_s)]
+    if again is not None:
+        t_s, onset_s = again * scan_s, (again - 0.5) * scan_s
+        events[1:1] = [Event(t_s, "palm", kind, onset_s) for kind in ("slip_stop", "slip_start")]
     slips = touching(pads, OK, scan_s)
     slips.quality[:, 0], slips.border[:, 0, 0] = quality, border
     slips.displacement[:, 0, 0] = step_m

@@ -168,10 +168,8 @@ class _PadSample:
         self._usual_rest = float(np.median(rest))
         self._usual_noise = float(np.median(noise[live]))
         spread = max(robust_std(rest, self._usual_rest), self._usual_noise)
-        distance = np.abs(self._rest - self._usual_rest)
-        self._outlier = (
-            live & (distance > _EVIDENCE.outlier_sigmas * np.maximum(spread, noise)) & (distance > min_offset)
-        )
+        self._allowed = np.maximum(_EVIDENCE.outlier_sigmas * np.maximum(spread, noise), min_offset)
+        self._outlier = live & (np.abs(self._rest - self._usual_rest) > self._allowed)
 
     def findings(self) -> Iterator[Finding]:
         """Findings, with taxels numbered within the pad; the first one of a taxel counts."""
@@ -206,6 +204,8 @@ class _PadSample:
         scans = self._others_at_rest(taxel)
         if len(scans):
             level = float(np.nanmedian(self._readings[scans, taxel]))
+            if abs(level - self._usual_rest) <= self._allowed[taxel]:  # it was loaded in nine of ten scans
+                return
             yield Finding(taxel, "offset", level, _ratio(level, self._usual_rest), len(scans))
 
     def _gain(self, taxel: int) -> Iterator[Finding]:

@@ -1,6 +1,7 @@
 """The verdict on slips: by the pose, on restless pads by the patterns' evidence, and by facing pads that agree.
 
-A pose that is not `ok` may move by tilt, rolling or growth alone. Its slip begins once the pattern is not against it.
+A pose that is not `ok` may move by tilt, rolling or growth alone. Its slip begins once the pattern is not against it,
+also where a recording dates it to the end of the slip before, from which it is not parted by a scan at rest.
 A stream, which knows the pattern's change 0.2 s late, does not wait for it where a method has only the border for a
 reason: there the pose decides, unless the slip began so long before it was detected that its pattern has shown it.
 Nor does any slip by the pose begin that a load which shifts over an object at rest explains as well (`ShiftingLoad`).
@@ -56,7 +57,7 @@ def pads_of_groups(layout: Layout) -> NDArray[np.int64]:
 
 
 def decide_block(
-    flags: tuple[Bools, Bools, Bools, Bools, Bools, Bools],
+    flags: tuple[Bools, Bools, Bools, Bools, Bools, Bools, Bools],
     whole: NDArray[np.int64],
     log_odds: tuple[Floats, Floats],
     since_s: Floats,
@@ -66,7 +67,7 @@ def decide_block(
     by_odds: Bools,
 ) -> bool:
     """`decide` in NumPy."""
-    slipping, agreed, contact, restless, sure, vague = flags
+    slipping, begins, agreed, contact, restless, sure, vague = flags
     now, soon = log_odds
     judged = np.where(restless, now > 0.0, slipping)
     doubted = ((vague & (soon < AGAINST)) | (since_s == np.inf)) & ~restless
@@ -76,10 +77,11 @@ def decide_block(
             rests[:, pad] = sure[:, part_of] & ~final[:, part_of]
         slips = (judged[:, pad] | agreed[:, pad]) & contact[:, pad] & ~rests[:, pad]
         believed = slips & (agreed[:, pad] | ~doubted[:, pad])
-        believed[:1] |= slips[:1] & last[:, pad]
-        final[:, pad] = slips & (_latest(believed) > _latest(~slips))
+        believed[:1] |= slips[:1] & last[:, pad] & ~begins[:1, pad]
+        since = np.maximum(_latest(~slips) + 1, _latest(begins[:, pad]))
+        final[:, pad] = slips & (_latest(believed) >= since)
     was = np.concatenate([last, final])[:-1]
-    by_odds[...] = restless | agreed | rests | (slipping & doubted & ~was)
+    by_odds[...] = restless | agreed | rests | (slipping & doubted & (begins | ~was))
     changed = final != was
     return bool((changed & (by_odds | np.concatenate([last_by_odds, by_odds])[:-1])).any())
 
@@ -92,7 +94,7 @@ def _latest(flags: Bools) -> NDArray[np.int64]:
 
 @kernel
 def decide(
-    flags: tuple[Bools, Bools, Bools, Bools, Bools, Bools],
+    flags: tuple[Bools, Bools, Bools, Bools, Bools, Bools, Bools],
     whole: NDArray[np.int64],
     log_odds: tuple[Floats, Floats],
     since_s: Floats,
@@ -103,12 +105,12 @@ def decide(
 ) -> bool:
     """Fill what slips, and whether others than its pose decide it, (scans, pads) each; whether they change anything.
 
-    flags: (scans, pads), slipping by the pose, agreed, contact, restless, whether the pose of a pad's only contact
-    is `ok`, and whether a pose has another quality. whole: (pads,), see `pads_of_groups`. log_odds: of
-    now, and the highest within the time that a slip takes to show; (scans, pads) each. since_s: (scans, pads), see
-    `ShiftingLoad.step`; at inf no slip begins by its pose. last, last_by_odds: (1, pads), before.
+    flags: (scans, pads), slipping by the pose, where such a slip begins, agreed, contact, restless, whether the pose of
+    a pad's only contact is `ok`, and whether a pose has another quality. whole: (pads,), see `pads_of_groups`.
+    log_odds: of now, and the highest within the time that a slip takes to show; (scans, pads) each. since_s: (scans,
+    pads), see `ShiftingLoad.step`; at inf no slip begins by its pose. last, last_by_odds: (1, pads), before.
     """
-    slipping, agreed, contact, restless, sure, vague = flags
+    slipping, begins, agreed, contact, restless, sure, vague = flags
     now, soon = log_odds
     changes = False
     for scan in range(final.shape[0]):
@@ -117,7 +119,7 @@ def decide(
             if scan > 0:
                 was, by = final[scan - 1, pad], by_odds[scan - 1, pad]
             judged = now[scan, pad] > 0.0 if restless[scan, pad] else slipping[scan, pad]
-            unsure = slipping[scan, pad] and not restless[scan, pad] and not was
+            unsure = slipping[scan, pad] and not restless[scan, pad] and (begins[scan, pad] or not was)
             doubted = vague[scan, pad] and soon[scan, pad] < AGAINST
             unsure = unsure and (doubted or since_s[scan, pad] == np.inf)
             judged = judged and not unsure
@@ -181,9 +183,14 @@ class Verdict:
         speaks against while the pose is not `ok`, becomes `slip_suspected`, again and again while its pose moves on.
         decisive: (scans, pads), the log odds by which a restless pad slips, see `Begun`.
         """
-        events, (final, by_odds) = posed.events, np.empty((2, *posed.slipping.shape), dtype=np.bool_)
+        events, (final, by_odds, begins) = posed.events, np.zeros((3, *posed.slipping.shape), dtype=np.bool_)
+        own: dict[tuple[int, int], list[Event]] = {}
+        for event in events:
+            scan, pad = int(np.searchsorted(slips.t_s, event.t_s)), self._numbers[event.pad]
+            own.setdefault((scan, pad), []).append(event)
+            begins[scan, pad] |= event.event == "slip_start"
         judged = self._sure(slips), self._vague(slips, events)
-        flags = (posed.slipping, posed.agreed, slips.contact, odds.restless, *judged)
+        flags = (posed.slipping, begins, posed.agreed, slips.contact, odds.restless, *judged)
         last, last_by_odds = self._slipping, self._by_odds
         decide_ = decide_block if is_block(len(slips), decide) else decide
         log_odds = decisive, odds.soon
@@ -193,10 +200,6 @@ class Verdict:
         if not events and not changes and not again:
             return final, []
         before, by_odds = np.concatenate([last, final]), np.concatenate([last_by_odds, by_odds])
-        own: dict[tuple[int, int], list[Event]] = {}
-        for event in events:
-            scan = int(np.searchsorted(slips.t_s, event.t_s))
-            own.setdefault((scan, self._numbers[event.pad]), []).append(event)
         changed = (before[1:] != before[:-1]) & (by_odds[1:] | by_odds[:-1])
         places = {(int(scan), int(pad)) for scan, pad in zip(*np.nonzero(changed), strict=True)}
         found = []
@@ -262,10 +265,10 @@ class Verdict:
             suspected = [self._suspected[pad]] if since_s < np.inf and pad in self._suspected else []
             slip = starts[:1] or [replace(one, t_s=t_s, onset_s=max(one.onset_s, since_s)) for one in suspected]
             slip = slip or [Event(t_s, self._pads[pad], "slip_start", t_s)]
-        elif slipped and not slips_on:
-            slip = [Event(t_s, self._pads[pad], "slip_stop", t_s)]
         elif not slips_on:
-            slip = [replace(event, event="slip_suspected") for event in starts]
+            stops = [event for event in posed if event.event == "slip_stop" and starts]
+            slip = (stops[:1] or [Event(t_s, self._pads[pad], "slip_stop", t_s)]) if slipped else []
+            slip += [replace(event, event="slip_suspected") for event in starts]
         self._keep_suspected(posed, pad, slips_on=slips_on)
         touch, release = ([event for event in posed if event.event == kind] for kind in ("contact", "release"))
         return [*touch, *slip, *release]
