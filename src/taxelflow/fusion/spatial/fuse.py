@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from taxelflow.fusion.spatial.pose import Anchor, Body, fit_pose, inherit, set_anchors, start_body
+from taxelflow.fusion.spatial.inheritance import inherit, keep_shown
+from taxelflow.fusion.spatial.pose import Anchor, Body, fit_pose, set_anchors, start_body
 from taxelflow.fusion.spatial.robust import Verdict, most_chi2
 from taxelflow.fusion.spatial.solve import Contacts, Solution, room
 from taxelflow.fusion.spatial.twist import (
@@ -246,6 +247,7 @@ def pose_step(
         return
     if not count_true(seen.known[scan]):
         return
+    inherited = np.zeros((6, 6))
     pose: Sixfold = out.poses[row]
     if body.started:
         past: Misfit = memory.misfits[1]
@@ -266,14 +268,16 @@ def pose_step(
         centre = centre_of(seen.frames[scan], seen.known[scan])
         verdict = inherit(contacts, solution, centre, limits, verdict, memory.anchors, body)
         unscale(solution, verdict, centre, limits.length_m, limits.pose_m, pose)
-        widen(past, usual, verdict, pose)
+        factor = widen(past, usual, verdict, pose)
+        copy_matrix(pose.covariance, inherited)
+        keep_shown(solution, verdict.rank, centre, limits, factor, body, inherited)
         for pad in range(len(contacts.use)):
             out.blamed[row, pad] = out.blamed[row, pad] or contacts.use[pad] < 0.0
         out.contradicted[row] = out.contradicted[row] or verdict.contradicted
     else:
         pose.rank = 6.0
     find_heights(seen, scan, memory)
-    set_anchors(seen, scan, pose.covariance, contacts.use, memory.anchors, body)
+    set_anchors(seen, scan, pose.covariance, inherited, contacts.use, memory.anchors, body)
     copy_matrix(body.pose, out.body[row])
 
 

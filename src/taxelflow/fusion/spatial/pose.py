@@ -2,7 +2,8 @@
 
 A contact is anchored on the object in its first scan. Later scans measure the position of that point, along the pad and
 about its normal. A later contact inherits the error that the pose has by then. These errors are common to all contacts
-of that time, so they are propagated through the fit and do not average out. While nothing touches, all anchors are
+of that time, so they are propagated through the fit and do not average out. Motion along a direction that no contact
+has shown yet, as with one finger, counts from the time when contacts show it. While nothing touches, all anchors are
 cleared.
 """
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from taxelflow.fusion.reference import UNOBSERVABLE_M
 from taxelflow.fusion.spatial.robust import Verdict, solve_robustly
-from taxelflow.fusion.spatial.solve import Contacts, Solution, add_product, judge_covariance
+from taxelflow.fusion.spatial.solve import Contacts, Solution
 from taxelflow.fusion.spatial.twist import (
     Limits,
     centre_of,
@@ -51,16 +52,19 @@ class Anchor:
 
 
 class Body:
-    """The object's pose (4, 4) in the hand; started: whether something touches."""
+    """The object's pose (4, 4) in the hand; started: whether something touches. most: the most directions that were
+    observable since then.
+    """
 
     started: bool
+    most: int
     pose: Annotated[Floats, 4, 4]
 
 
 @routine
 def start_body(body: Body, anchors: Records) -> None:
     """Reset: the object's present pose is the origin of its motion."""
-    body.started = False
+    body.started, body.most = False, 0
     for i in range(4):
         for j in range(4):
             body.pose[i, j] = 1.0 if i == j else 0.0
@@ -164,70 +168,13 @@ def move_about(centre: Floats, step: Floats, pose: Floats) -> None:
 
 
 @routine
-def inherit(
-    contacts: Contacts,
-    solution: Solution,
-    centre: Floats,
-    limits: Limits,
-    verdict: Verdict,
-    anchors: Records,
-    body: Body,
-) -> Verdict:
-    """Add to the solution's covariance what the anchors inherited: errors of the pose when they were set, in common.
-
-    The verdict with the rank that is left: a direction in which the pose was not known then is not known now.
-    """
-    old = False
-    for pad in range(len(anchors)):
-        old = old or (contacts.use[pad] > 0.0 and anchors[pad].root[0, 0] > 0.0)
-    if not old:
-        return verdict
-    total = np.zeros((6, 6))
-    A = np.zeros((6, 6))
-    for i in range(3):  # from the object's frame to the hand's axes at the centre, scaled
-        n, m = (i + 1) % 3, (i + 2) % 3
-        for j in range(3):
-            A[i, j] = body.pose[i, j]
-            A[3 + i, 3 + j] = limits.length_m * body.pose[i, j]
-            A[i, 3 + j] = (body.pose[n, 3] - centre[n]) * body.pose[m, j] - (body.pose[m, 3] - centre[m]) * body.pose[
-                n, j
-            ]
-    error, projected, weighted = np.zeros((6, 6)), np.zeros((3, 6)), np.zeros((6, 6))
-    for pad in range(len(anchors)):
-        if contacts.use[pad] > 0.0 and anchors[pad].root[0, 0] > 0.0:
-            multiply(A, anchors[pad].root, error)
-            multiply(contacts.rows[pad], error, projected)
-            add_product(contacts.rows[pad], contacts.W[pad], projected, weighted)
-    solve_observed(solution, weighted, limits.pose_m, error)
-    multiply(error, error.T, total)
-    for i in range(6):
-        for j in range(6):
-            solution.covariance[i, j] += total[i, j]
-    rank = judge_covariance(solution, limits.pose_m)
-    return Verdict(rank, verdict.chi2, verdict.freedom, verdict.contradicted, verdict.blamed)
-
-
-@routine
-def solve_observed(solution: Solution, weighted: Floats, limit: float, error: Floats) -> None:
-    """Fill error (6, 6) with the inverse information on the observed directions times weighted (6, 6)."""
-    if not np.isfinite(solution.values[0]):
-        multiply(solution.covariance, weighted, error)
-        return
-    along = np.zeros((6, 6))
-    multiply(solution.vectors.T, weighted, along)
-    for d in range(6):
-        seen = solution.values[d] * limit**2 > 1.0
-        for j in range(6):
-            along[d, j] = along[d, j] / solution.values[d] if seen else 0.0
-    multiply(solution.vectors, along, error)
-
-
-@routine
-def set_anchors(seen: Seen, scan: int, covariance: Floats, use: Floats, anchors: Records, body: Body) -> None:
+def set_anchors(
+    seen: Seen, scan: int, covariance: Floats, inherited: Floats, use: Floats, anchors: Records, body: Body
+) -> None:
     """Anchor the contacts that are new, and those that are far better known than when they were anchored.
 
-    covariance: (6, 6), of the body's pose, from the left, at the hand's origin. use: see `Contacts`; who is blamed
-    keeps its anchor.
+    covariance: (6, 6), of the body's pose, from the left, at the hand's origin; inherited: (6, 6), what of it stays,
+    see `inheritance.keep_shown`. use: see `Contacts`; who is blamed keeps its anchor.
     """
     together = come_to_blind(seen, scan, covariance, anchors)
     inverse, turn, turned_frame = np.empty((4, 4)), np.zeros((4, 4)), np.empty((4, 4))
@@ -246,7 +193,7 @@ def set_anchors(seen: Seen, scan: int, covariance: Floats, use: Floats, anchors:
         sharper = own[0, 0] + own[1, 1] < _SHARPER * (was[0, 0] + was[1, 1]) and use[pad] > 0.0
         if sharper or (together and use[pad] >= 0.0) or not anchor.anchored:
             if body.started and not rooted:
-                factor_in_body(covariance, inverse, root)
+                factor_in_body(inherited, inverse, root)
                 rooted = True
             theta = seen.theta[scan, pad]
             anchor.turns = np.isfinite(theta)

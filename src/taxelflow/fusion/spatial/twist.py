@@ -145,16 +145,22 @@ def fill_information(covariance: Floats, known: bool, W: Floats) -> None:
 
 
 @routine
-def unscale(solution: Solution, verdict: Verdict, centre: Floats, length_m: float, limit: float, out: Sixfold) -> None:
-    """Fill value, covariance, blind directions and rank: from the centre, scaled, to the hand's origin, in rad."""
-    A = np.zeros((6, 6))  # adjoint of the shift from the centre to the origin, times the scale
+def to_origin(centre: Floats, length_m: float) -> Floats:
+    """(6, 6), the adjoint of the shift from the centre to the hand's origin, times the scale."""
+    A = np.zeros((6, 6))
     for i in range(3):
         n, m = (i + 1) % 3, (i + 2) % 3
         A[i, i] = 1.0
         A[3 + i, 3 + i] = 1.0 / length_m
         A[i, 3 + m] = centre[n] / length_m  # v at the origin: v + centre x omega
         A[i, 3 + n] = -centre[m] / length_m
-    carried, blind = np.empty((6, 6)), 0
+    return A
+
+
+@routine
+def unscale(solution: Solution, verdict: Verdict, centre: Floats, length_m: float, limit: float, out: Sixfold) -> None:
+    """Fill value, covariance, blind directions and rank: from the centre, scaled, to the hand's origin, in rad."""
+    A, carried, blind = to_origin(centre, length_m), np.empty((6, 6)), 0
     multiply(A, solution.covariance, carried)
     multiply(carried, A.T, out.covariance)
     for i in range(6):
@@ -183,15 +189,17 @@ def doubt_all(contacts: Contacts, usual: float) -> None:
 
 
 @lean_kernel
-def widen(past: Misfit, usual: float, verdict: Verdict, out: Sixfold) -> None:
-    """Remember a scan's misfit, whose covariance allows for the usual one, and widen by what has come to it since."""
+def widen(past: Misfit, usual: float, verdict: Verdict, out: Sixfold) -> float:
+    """Remember a scan's misfit, whose covariance allows for the usual one, and widen by what has come to it since; by
+    what factor.
+    """
     if verdict.freedom > 0.0:
         past.chi2 = MISFIT.memory * past.chi2 + usual * verdict.chi2
         past.freedom = MISFIT.memory * past.freedom + verdict.freedom
-    factor = usual_misfit(past) / usual
+    factor = max(usual_misfit(past) / usual, 1.0)
     if verdict.contradicted:
         factor = max(factor, verdict.chi2 / verdict.freedom)
-    if factor > 1.0:
-        for i in range(6):
-            for j in range(6):
-                out.covariance[i, j] *= factor
+    for i in range(6):
+        for j in range(6):
+            out.covariance[i, j] *= factor
+    return factor
