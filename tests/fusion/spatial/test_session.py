@@ -1,13 +1,17 @@
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 import numpy as np
 import pytest
 
+from compiled import compiled
 from synthetic import assert_same
 from taxelflow.errors import ParameterInvalid
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.fusion.spatial.parameters import SpatialField
+from taxelflow.fusion.spatial.pose import factor_in_body
 from taxelflow.messages import UNRESOLVED, Floats, Slips, SpatialMotions, Texture, cut, joined
 from taxelflow.numerics.geometry import adjoint, se3_exp, se3_inverse, se3_log, se3_of
 from taxelflow.sensors.pads import Pad
@@ -304,6 +308,19 @@ def test_a_direction_that_one_finger_does_not_show_counts_from_when_the_others_t
     T = np.array([se3_of(pose[:3], pose[3:]) for pose in found.pose])
     since = T[11:] @ se3_inverse(T[11]) @ se3_inverse(X[11:] @ se3_inverse(X[11]))
     np.testing.assert_allclose(se3_log(since), 0, atol=2e-4)
+
+
+@pytest.mark.parametrize("rank", [1, 3, 5])
+def test_what_contacts_inherit_has_a_factor_though_directions_are_left_out(rank: int) -> None:
+    factor: Any = compiled(factor_in_body)
+    rng = np.random.default_rng(rank)
+    for _ in range(300):
+        columns = rng.standard_normal((6, rank)) * 10.0 ** rng.uniform(-6, -1, rank)
+        T = se3_exp(rng.normal(0, 0.3, 6))
+        covariance, root = columns @ columns.T, np.zeros((6, 6))
+        factor(covariance, T, root)
+        inside = adjoint(T) @ covariance @ adjoint(T).T
+        np.testing.assert_allclose(root @ root.T, inside, rtol=0, atol=1e-11 * np.abs(inside).max() + 1e-17)
 
 
 def test_a_direction_that_was_shown_and_is_lost_for_a_while_stays_unknown() -> None:

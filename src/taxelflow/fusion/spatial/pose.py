@@ -27,7 +27,7 @@ from taxelflow.fusion.spatial.twist import (
 from taxelflow.fusion.spatial.window import Seen, put_under, turned
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
-from taxelflow.numerics.rounding import LEAST_VARIANCE_M2
+from taxelflow.numerics.rounding import LEAST_VARIANCE_M2, NEGLIGIBLE
 from taxelflow.numerics.se3 import carried, cholesky, compose, copy_matrix, exponential, invert, multiply, planar_rows
 from taxelflow.runtime.compiling import routine
 
@@ -239,5 +239,5 @@ def factor_in_body(covariance: Floats, inverse: Floats, root: Floats) -> None:
     multiply(A, covariance, half)
     multiply(half, A.T, own)
     for i in range(6):
-        own[i, i] += LEAST_VARIANCE_M2
+        own[i, i] += LEAST_VARIANCE_M2 + NEGLIGIBLE * own[i, i]
     cholesky(own, root, 6)
