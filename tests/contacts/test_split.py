@@ -41,7 +41,7 @@ def pressed(
 
 
 def apart(values: Floats, contacts: int = 2, sensor: Sensor = GRID, **parameters: object) -> Scans:
-    """Conditioned scans after the idle ones, with contacts told apart."""
+    """Conditioned scans after the idle ones, with contacts separated."""
     scans, _ = conditioned(values, with_contacts(sensor, contacts), mode="stream", **parameters)
     return Scans(
         *(

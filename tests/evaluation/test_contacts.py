@@ -32,7 +32,7 @@ def row(scored: ContactsReport, scenario: str, name: str, seen: str) -> ContactR
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["first", "second"])
 def test_a_separated_contact_is_as_accurate_as_alone_and_a_merged_one_is_not(scored: ContactsReport, name: str) -> None:
-    alone, apart, one = (row(scored, "two-contacts", name, seen) for seen in ("alone", "told apart", "as one"))
+    alone, apart, one = (row(scored, "two-contacts", name, seen) for seen in ("alone", "separated", "as one"))
     assert alone.rms_mm
     assert apart.rms_mm
     assert one.rms_mm
@@ -56,7 +56,7 @@ def test_an_unknown_method() -> None:
 def test_it_shows_every_scenario(quick: ContactsReport, capsys: pytest.CaptureFixture[str]) -> None:
     quick.show()
     shown = capsys.readouterr().out
-    for words in ("two-contacts, batch, seed 3", "told apart", "as one", "100% of runs note"):
+    for words in ("two-contacts, batch, seed 3", "separated", "as one", "100% of runs note"):
         assert words in shown
 
 

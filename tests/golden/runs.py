@@ -34,7 +34,7 @@ SCENARIOS: dict[str, tuple[str, ...]] = {
 }
 """Names of scenarios, with options of `taxelflow simulate`."""
 SEED = 3
-TOLD_APART = {"two-contacts": 2}
+SEPARATED = {"two-contacts": 2}
 REAL: dict[str, dict[str, Any]] = {
     "sdh-dsa/tennisball.dsa": {},
     "sdh-dsa/slip_and_rotation_teapot_handle.dsa": {},
@@ -86,7 +86,7 @@ def run(name: str, method: str, mode: Any, folder: str) -> Run:
         recording = taxelflow.read(data_folder() / name, **REAL[name])
     else:
         recording = taxelflow.read(Path(folder) / f"{name}.npz")
-    result = taxelflow.estimate(recording, method, mode=mode, contacts=TOLD_APART.get(name))
+    result = taxelflow.estimate(recording, method, mode=mode, contacts=SEPARATED.get(name))
     return digested(result)
 
 

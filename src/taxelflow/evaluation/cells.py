@@ -66,5 +66,5 @@ def solved_by(solver: str) -> str:
 
 
 def caption(console: Console, text: str) -> None:
-    """Print what the columns of a table mean, in lines that can be read."""
+    """Print what the columns of a table mean, in at most 88 columns."""
     console.print(text, style="dim", highlight=False, width=min(console.width, 88))

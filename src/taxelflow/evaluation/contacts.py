@@ -49,7 +49,7 @@ class ContactRow(msgspec.Struct, frozen=True):
     mode: str
     object: str
     seen: str
-    """alone: the other object is absent. told apart: with --contacts 2. as one: with --contacts 1."""
+    """alone: the other object is absent. separated: with --contacts 2. as one: with --contacts 1."""
     scans: int
     """Scans in which the object touches."""
     known: float
@@ -127,7 +127,7 @@ class ContactsReport(msgspec.Struct, frozen=True):
             console.print(f"{scenario}, as one: {share:.0%} of runs note that contacts move apart", highlight=False)
         caption(
             console,
-            "alone: the other object is not there. told apart: --contacts 2. as one: without. "
+            "alone: the other object is not there. separated: --contacts 2. as one: without. "
             "known: share of the contact's scans with a pose that is not lost; ok: with "
             "quality ok. mm, deg: RMS of place and turn, each contact's best constant offset "
             "taken off. 1, 20, 100: NEES a degree of freedom over that number of scans.",
@@ -187,7 +187,7 @@ def _cases(seed: int) -> Iterator[Case]:
         pad = drawn.pad
         yield Case(scenario, "alone", first, [pad], truths[:1])
         yield Case(scenario, "alone", second, [pad], [("second", second.known_truth.pose)])
-        yield Case(scenario, "told apart", both.with_contacts(2), [f"{pad}#1", f"{pad}#2"], truths)
+        yield Case(scenario, "separated", both.with_contacts(2), [f"{pad}#1", f"{pad}#2"], truths)
         yield Case(scenario, "as one", both, [pad, pad], truths)
     lift = SCENARIOS[LIFT]
     lifting = simulate(replace(lift, seed=seed))
@@ -213,7 +213,7 @@ def _modes(method: str) -> tuple[Mode, ...]:
 
 def _place(key: Key, kinds: Iterable[str]) -> tuple[int, int, str, str, int]:
     """Where a row stands in the table."""
-    ways = ("alone", "told apart", "as one")
+    ways = ("alone", "separated", "as one")
     return (*TWO, LIFT).index(key.scenario), list(kinds).index(key.method), key.mode, key.object, ways.index(key.seen)
 
 

@@ -284,7 +284,7 @@ def test_the_centre_of_a_contact_that_forms_may_be_anywhere_in_it() -> None:
     scanned = Scanned.of(
         np.arange(13.0), places, shown, np.ones_like(shown), np.full(taxels, np.inf), np.zeros(taxels), 0.05
     )
-    centres = Centres.of(scanned, scanned.edge, 0.05).formed(0.05)
+    centres = Centres.of(scanned, scanned.edge, 0.05).formed()
     std = np.sqrt(centres.covariance[:, 0])
     assert centres.place[0, 0] > 1.5  # of an object at 0
     assert centres.place[0, 0] < 3.0 * std[0]
@@ -305,7 +305,7 @@ def test_the_centre_of_a_contact_that_forms_has_a_covariance_though_its_shape_ch
     scanned = Scanned.of(
         np.arange(12.0), places, shown, np.ones_like(shown), np.full(taxels, np.inf), np.zeros(taxels), 0.05
     )
-    xx, xy, yy = Centres.of(scanned, scanned.edge, 0.05).formed(0.05).covariance.T
+    xx, xy, yy = Centres.of(scanned, scanned.edge, 0.05).formed().covariance.T
     assert (xx * yy > xy * xy).all()
 
 
@@ -319,9 +319,9 @@ def test_what_the_border_does_is_no_extent_of_a_contact_that_forms() -> None:
     )
     centres = Centres.of(scanned, scanned.edge, 0.05)
     cut = centres._replace(common=centres.common + np.array([1.0, 0.0, 0.0]))  # as by a shift of a pitch
-    added = cut.formed(0.05).covariance - cut.covariance
+    added = cut.formed().covariance - cut.covariance
     assert added[0, 0] <= 1.5**2  # a quarter of a disc's squared radius is its second moment
-    np.testing.assert_allclose(added, centres.formed(0.05).covariance - centres.covariance)
+    np.testing.assert_allclose(added, centres.formed().covariance - centres.covariance)
 
 
 @pytest.mark.long

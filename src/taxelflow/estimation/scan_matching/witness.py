@@ -45,6 +45,6 @@ def contradicts(scan: Scan, taxels: Taxels, track: Track) -> bool:
         found[a] += variance_of(track, i, j) + drift_of(track, i, j)
     xx, xy, yy = inverse2(found[0], found[1], found[2])
     apart = x * x * xx + 2.0 * x * y * xy + y * y * yy > 2.0 * GATE
-    if apart:  # a contact that grows now forgives nothing: this one has formed
+    if apart:  # the contact has formed: no later growth gives the distance again
         track.loaded = max(track.loaded, count)
     return bool(apart)

@@ -147,13 +147,13 @@ class Centres(NamedTuple):
         average: Floats = np.average(own[self.known], axis=0, weights=trust[self.known])
         return average
 
-    def formed(self, tilt: float) -> Centres:
-        """With the covariance of contacts that form or end. tilt: as for `of`.
+    def formed(self) -> Centres:
+        """With the covariance of contacts that form or end.
 
         A taxel that comes and goes at the rim of a contact does not count. What the border does is subtracted before.
         The whole contact's extent is that of the scan of median size: a median of each element is no covariance.
         """
-        if not (self.known.any() and tilt > 0.0):
+        if not self.known.any():
             return self
         own = self.extent[self.known]
         extent = own[np.argsort(own[:, 0] + own[:, 2], kind="stable")[len(own) // 2]]
@@ -226,7 +226,7 @@ def anchor_of(solved: Solved, scanned: Scanned, tilt: float, before: Anchor | No
     if scanned.across.any() or not centres.known.any():
         return None
     centres, inside, off = centres.uncut(solved, scanned, before)
-    centres = centres.formed(tilt)
+    centres = centres.formed()
     own = solved.fit.covariance
     trust = 1.0 / (own[:, 0, 0] + own[:, 1, 1] + centres.spread)
     variance = np.average(0.5 * centres.spread[centres.known], weights=trust[centres.known])
@@ -242,7 +242,7 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt:
     centres = Centres.of(scanned, edge, tilt)
     if solved is not None:
         centres, _, _ = centres.uncut(solved, scanned)
-    centres = centres.formed(tilt)
+    centres = centres.formed()
     known = np.isfinite(poses.pose[:, :2]).all(axis=1) & centres.known
     known &= np.isfinite(poses.covariance[:, :2, :2]).all(axis=(1, 2))
     if scanned.across.any() or not known.any():
