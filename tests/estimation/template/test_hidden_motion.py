@@ -10,6 +10,9 @@ import pytest
 from costly import mostly_long
 from synthetic import grid_sensor, recorded
 from taxelflow.estimation.base import Mode
+from taxelflow.estimation.template.contact_solver import solve_contact
+from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.solution import Hidden
 from taxelflow.messages import OK, Floats
 from taxelflow.pipeline import api
 
@@ -77,6 +80,31 @@ def test_a_motion_that_no_reading_shows_is_never_ok(shape: str, way: float | Non
 @ways
 def test_gains_that_scatter_by_twice_the_declared_error_do_not_show_it(way: float | None, mode: Mode) -> None:
     assert ok_share("smooth plate", way, mode, 0.1) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_rod_that_slides_across_itself_may_have_rested_along_itself(seed: int) -> None:
+    hidden = hidden_of("rod", ANGLE + 0.5 * np.pi, seed)
+    assert abs(hidden.direction @ (np.cos(ANGLE), np.sin(ANGLE))) > 0.98
+    np.testing.assert_array_equal(hidden.at_rest, hidden.direction)
+
+
+def test_where_all_motion_is_shown_there_is_no_such_direction() -> None:
+    assert not hidden_of("short rod", ANGLE, 0)
+
+
+def hidden_of(shape: str, way: float, seed: int) -> Hidden:
+    """Of an object that moves in a direction, rad."""
+    layout, random = (
+        grid_sensor(8, 8, pitch_m=(PITCH_M, PITCH_M), unseen_error=0.05).layout,
+        np.random.default_rng(seed),
+    )
+    x_m, y_m = 0.75 * PATH_M * np.array([[np.cos(way)], [np.sin(way)]])
+    at = pressed(shape, layout.x_m - x_m[:, np.newaxis], layout.y_m - y_m[:, np.newaxis])
+    readings = 50e3 * at * (1.0 + 0.03 * random.standard_normal(64)) + 100.0 * random.standard_normal(at.shape)
+    places = np.stack([layout.x_m, layout.y_m]) / PITCH_M
+    noise, limits = np.full(readings.shape, 100.0**2), (np.full(64, np.inf), np.zeros(64))
+    return solve_contact(Scanned.of(np.arange(len(at)) / RATE_HZ, places, readings, noise, *limits, 0.05)).hidden
 
 
 @pytest.mark.long

@@ -79,15 +79,18 @@ def _on_one_map(solved: Solved, scanned: Scanned, pitch_m: float, unseen_error: 
     precision = state_precision(solved, scanned)
     whole, level = with_depth(solved.states, solved.depth), scanned.amplitude if solved.heights else 0.0
 
-    def information(error: float) -> Floats:
-        """(scans, 5, 5), of the states, blurred by errors of the readings and by a tilt of the load."""
+    def information(error: float) -> tuple[Floats, Floats]:
+        """(scans, 5, 5), of the states, blurred by errors of the readings and by a tilt of the load; see
+        `without_tilt`.
+        """
         own = linearised(solved.pattern, scanned, whole, error, precision, level).normal.blocks
         return without_tilt(own, solved.pattern, scanned, solved.states, error, unseen_error)
 
-    poses = _bridged(poses_of(solved, scanned, information(max(solved.error, unseen_error)), pitch_m), scanned)
+    blurred, step = information(max(solved.error, unseen_error))
+    poses = _bridged(poses_of(replace(solved, states=solved.states + step), scanned, blurred, pitch_m), scanned)
     if unseen_error:
         if whole_contact:
-            poses = poses.with_noise(information(solved.error), solved, scanned, pitch_m)
+            poses = poses.with_noise(information(solved.error)[0], solved, scanned, pitch_m)
         poses = poses.doubted(solved.rival, pitch_m)
     else:
         by_map = of_map(solved.pattern, scanned, whole, solved.error, precision, level)
@@ -223,7 +226,7 @@ class BatchSession:
             as_read = replace(scanned, readings=readings)
             poses = witnessed(poses, as_read, edge, pitch_m, unseen_error, solved if of_one_map else None)
         if unseen_error and of_one_map:
-            poses = poses.open_along(solved.hidden, scanned, pitch_m)
+            poses = poses.open_along(solved.hidden.direction, scanned, pitch_m)
         return poses, moment
 
     def _scanned(self, pad: int, scans: Scans, contact: _Open) -> Scanned:

@@ -43,6 +43,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.pose_output import Poses, judged_again
+from taxelflow.estimation.template.solution import ALL_SHOWN
 from taxelflow.estimation.template.two_witnesses import combine, surely
 from taxelflow.numerics.bspline import states_of
 from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance, count_loaded, pressure_centre
@@ -194,7 +195,8 @@ class Centres(NamedTuple):
                 off = np.where(own_run[:, np.newaxis], inside - reference, off)
             middle = reference if number == most else middle
         shift = turned(off, states_of(states).theta)
-        doubts = self.covariance + own[:, [0, 0, 1], [0, 1, 1]]
+        x, y = scanned.reach * solved.hidden.at_rest
+        doubts = self.covariance + own[:, [0, 0, 1], [0, 1, 1]] + (x * x, x * y, y * y)
         shares = _sure_shares(shift, doubts)
         shift *= (shares if before is None else np.full_like(shares, shares[known].max(initial=0.0)))[:, np.newaxis]
         x, y = shift.T
@@ -225,7 +227,7 @@ def anchor_of(solved: Solved, scanned: Scanned, tilt: float, before: Anchor | No
     centres = Centres.of(scanned, scanned.edge, tilt)
     if scanned.across.any() or not centres.known.any():
         return None
-    centres, inside, off = centres.uncut(solved, scanned, before)
+    centres, inside, off = centres.uncut(replace(solved, hidden=ALL_SHOWN), scanned, before)
     centres = centres.formed()
     own = solved.fit.covariance
     trust = 1.0 / (own[:, 0, 0] + own[:, 1, 1] + centres.spread)
@@ -255,10 +257,11 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt:
     pose, covariance = poses.pose.copy(), poses.covariance.copy()
     shared, noise = np.zeros_like(covariance) + poses.shared, None if poses.noise is None else poses.noise.copy()
     weight, shown = np.zeros((2, 2)), np.isfinite(poses.pose[:, 2])
+    at_rest = (ALL_SHOWN if solved is None else solved.hidden).at_rest
     for k in np.flatnonzero(known).tolist():
         own = covariance[k] / pitch_m**2
         doubt, common = tuple(centres.covariance[k]), tuple(centres.common[k])
-        combine(own, doubt, common, tuple(apart[k]), bool(shown[k]), bool(centres.cut[k]), weight)
+        combine(own, doubt, common, tuple(apart[k]), tuple(at_rest), bool(shown[k]), bool(centres.cut[k]), weight)
         pose[k, :2] += pitch_m * (weight @ apart[k])
         covariance[k, :2] = pitch_m**2 * own[:2]
         covariance[k, 2, :2] = pitch_m**2 * own[2, :2]

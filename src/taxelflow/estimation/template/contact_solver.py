@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from taxelflow.estimation.template.observations import Scanned
-    from taxelflow.estimation.template.solution import Solved
+    from taxelflow.estimation.template.solution import Hidden, Solved
     from taxelflow.messages import Floats
 
 _MOST_DEAD = 8
@@ -34,10 +34,10 @@ def solve_contact(
     sinks: bool = False,
     suspects: Sequence[int] = (),
     known: Floats | None = None,
-    hidden: Floats | None = None,
+    hidden: Hidden | None = None,
 ) -> Solved:
     """Pattern and poses of all scans of a contact; in `scanned` readings of dead taxels are masked, and the others
-    divided by their gains. sinks, known: see `solve`. suspects: taxels that fewer scans called dead. hidden: (2,), see
+    divided by their gains. sinks, known: see `solve`. suspects: taxels that fewer scans called dead. hidden: see
     `hidden_direction`, which is not called where it is given.
     """
     solving = partial(solve, scanned, sinks=sinks, known=known)

@@ -3,7 +3,8 @@
 Where the border hides a direction from the centre of pressure, see `numerics.cut`, a map alone shows motion along it.
 Slopes of a map do not prove that. Those of a plate may be faults of the taxels. Those of a rod are there between the
 lines that taxels have passed along, where nothing but smoothness determines the map. So another motion is held, and all
-else fitted again, gains of the taxels included. If hardly more is left, the readings do not determine the motion.
+else fitted again, gains of the taxels included. If hardly more is left, the readings do not determine the motion. If
+that is so of rest, the map shows nothing of it, and the centre of pressure decides.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from taxelflow.estimation.template.likelihood import learned_error
 from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE
 from taxelflow.estimation.template.scaling import SIZE_STD
+from taxelflow.estimation.template.solution import ALL_SHOWN, Hidden
 from taxelflow.numerics.bspline import STATE, states_of
 from taxelflow.numerics.centroid import LOADED, pressure_centre
 from taxelflow.numerics.cut import HIDDEN, find_hidden, open_sides
@@ -42,10 +44,10 @@ class _Test(NamedTuple):
     """Cosine of directions that are tested as one."""
     changed: float = 2.0
     """Pitches by which the motion is changed: what one taxel reads, its neighbours must read, too."""
-    scaled: tuple[float, float, float] = (0.0, 0.5, 1.5)
+    scaled: tuple[float, float] = (0.5, 1.5)
     shortest: float = 0.5
-    """Factors of the motion, if its range exceeds this many pitches: the curvature of a dome's map depends on its
-    path."""
+    """Factors of the motion beside rest, if its range exceeds this many pitches: the curvature of a dome's map depends
+    on its path."""
     times: float = 1.2
     """Times the error that the motion leaves as it is, which another leaves at least."""
     faults: float = 0.2
@@ -78,17 +80,19 @@ class _Fits(NamedTuple):
 _FITS = _Fits()
 
 
-def hidden_direction(scanned: Scanned, solved: Solved) -> Floats:
-    """(2,), unit vector along the pad of the motion that no reading shows; 0 if there is none."""
+def hidden_direction(scanned: Scanned, solved: Solved) -> Hidden:
+    """The direction along the pad in which no reading shows a motion, and whether rest explains the readings, too."""
     if not scanned.unseen_error or scanned.across.any() or len(scanned) < 2:
-        return np.zeros(2)
+        return ALL_SHOWN
     texture, by_faults = _texture(scanned, solved)
     shown = _shown_by_centre(scanned)
     for direction in _directions(texture, shown):
-        is_textured = direction @ texture @ direction > _TEST.textured * by_faults
-        if not is_textured or not _is_determined(scanned, solved, direction):
-            return direction
-    return np.zeros(2)
+        if direction @ texture @ direction <= _TEST.textured * by_faults:
+            return Hidden(direction, direction)
+        is_determined, may_rest = _determined(scanned, solved, direction)
+        if not is_determined:
+            return Hidden(direction, direction * may_rest)
+    return ALL_SHOWN
 
 
 def _directions(texture: Floats, shown: Floats) -> list[Floats]:
@@ -108,7 +112,7 @@ def shown_at_rest(scanned: Scanned) -> bool:
     again, _ = _repeated(scanned, np.zeros((1, STATE)))
     states = np.zeros((len(again), STATE))
     states[:, :2], states_of(states).gain[:] = scanned.centroids()[0], 1.0
-    return not hidden_direction(again, refined(again, coarse(again, states, turns=False))).any()
+    return not hidden_direction(again, refined(again, coarse(again, states, turns=False)))
 
 
 def _shown_by_centre(scanned: Scanned) -> Floats:
@@ -152,8 +156,8 @@ def _spread(count: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, count - 1, min(count, _FITS.scans[1])).round().astype(np.int64))
 
 
-def _is_determined(scanned: Scanned, solved: Solved, direction: Floats) -> bool:
-    """Whether every other motion along a direction leaves clearly more of the scans."""
+def _determined(scanned: Scanned, solved: Solved, direction: Floats) -> tuple[bool, bool]:
+    """Whether every other motion along a direction leaves clearly more of the scans, and whether rest does not."""
     some = _spread(len(scanned))
     scans, states = _repeated(scanned.taken(some), solved.states[some])
     own, at = replace(solved, states=states), states[:, :2] @ direction
@@ -162,14 +166,18 @@ def _is_determined(scanned: Scanned, solved: Solved, direction: Floats) -> bool:
         scans = scans.on(part)
     left = min(_left_along(scans, own, direction, at, start) for start in _starts(own))
     ramp, middle = _TEST.changed * np.linspace(-0.5, 0.5, len(scans)), at.mean()
+
+    def explains(other: Floats, most: float) -> bool:
+        return any(_left_along(scans, own, direction, other, start, most=most) <= most for start in _starts(own))
+
+    moves = np.ptp(at) > _TEST.shortest
+    rests = not moves or explains(np.full_like(at, middle), _TEST.times * left)
+    if rests and moves:
+        return False, True
     changed = [(other, max(_TEST.times * left, _TEST.faults * scans.unseen_error)) for other in (at + ramp, at - ramp)]
-    if np.ptp(at) > _TEST.shortest:
+    if moves:
         changed += [(middle + factor * (at - middle), _TEST.times * left) for factor in _TEST.scaled]
-    return all(
-        _left_along(scans, own, direction, other, start, most=most) > most
-        for other, most in changed
-        for start in _starts(own)
-    )
+    return not any(explains(other, most) for other, most in changed), rests
 
 
 def _most_textured(scanned: Scanned, solved: Solved, direction: Floats) -> Bools:

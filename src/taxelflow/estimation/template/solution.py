@@ -36,6 +36,21 @@ class _Gains(NamedTuple):
 _GAINS = _Gains()
 
 
+class Hidden(NamedTuple):
+    """Unit vector (2,) along the pad in whose direction no reading shows a motion, 0 if there is none. at_rest: (2,),
+    the same if the object may have rested along it, else 0. See `hidden_motion`.
+    """
+
+    direction: Floats
+    at_rest: Floats
+
+    def __bool__(self) -> bool:
+        return bool(self.direction.any())
+
+
+ALL_SHOWN = Hidden(np.zeros(2), np.zeros(2))
+
+
 @dataclass(slots=True, eq=False)
 class Solved:
     """The result of the joint fit of a contact.
@@ -48,7 +63,7 @@ class Solved:
     the object, one that turns where this does not, or the reverse; growth: the same of one that grows or does not; each
     is empty if there is none. dead: taxels that do not answer. gains: (taxels,), by which the readings were
     divided; empty if they were not. heights: whether the pattern is one of heights, see `depth`; depth: (scans,),
-    of such a pattern; empty if it stays the same. hidden: (2,), see `hidden_motion`.
+    of such a pattern; empty if it stays the same.
     """
 
     pattern: Pattern
@@ -66,7 +81,7 @@ class Solved:
     gains: Floats = field(default_factory=lambda: np.zeros(0))
     heights: bool = False
     depth: Floats = field(default_factory=lambda: np.zeros(0))
-    hidden: Floats = field(default_factory=lambda: np.zeros(2))
+    hidden: Hidden = ALL_SHOWN
 
     @property
     def kind(self) -> tuple[bool, bool]:

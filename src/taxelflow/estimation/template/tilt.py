@@ -1,4 +1,4 @@
-"""Tilt of the load in the covariance of a pose: pressure that shifts on the object looks like motion of the object.
+"""Tilt of the load in a pose and its covariance: pressure that shifts on the object looks like motion of the object.
 
 The line of action of a load shifts over the contact when the arm moves, friction pulls or the skin creeps. A rigid
 object then sinks in by a plane, as in `rest_or_slide`: on an elastic skin the pressure changes by a plane, too, on a
@@ -8,7 +8,8 @@ softer one in proportion to itself,
 
 with the contact's centre (x_c, y_c), radii of gyration (r_x, r_y) and mean pressure m. For a paraboloid, tilt and shift
 cannot be separated; for a pattern with edges they can. a and b are unknowns of each scan with a zero-mean prior, and
-are eliminated (Schur complement), so that the covariance of the pose contains their effect.
+are eliminated (Schur complement): the covariance of the pose contains their effect, and what they explain of the
+residuals moves the pose.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.estimation.template.normal_equations import FIT_HUBER
-from taxelflow.numerics.bspline import state_of
+from taxelflow.numerics.bspline import STATE, state_of
 from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.rounding import LINE_POINTS
 
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 _LEAST_RADIUS = 0.1
 """Lower limit of a radius of gyration, in pitches: that across a single line of taxels is 0."""
+_MOST_STEP = np.eye(STATE)
+"""Information by which a tilt is not expected to move a place by more than a pitch, or an angle by more than 1 rad."""
 
 
 def without_tilt(
@@ -38,13 +41,15 @@ def without_tilt(
     states: Floats,
     error: float,
     tilt_std: float,
-) -> Floats:
-    """Information (scans, 5, 5) of the states with the tilt of each scan eliminated.
+) -> tuple[Floats, Floats]:
+    """Information (scans, 5, 5) of the states with the tilt of each scan eliminated, and the step (scans, 5) to the
+    states that are best with it, from those that are best without.
 
     error: see `Scanned.with_error`. tilt_std: standard deviation of each a and b; with 0 nothing changes.
     """
+    step = np.zeros_like(states)
     if tilt_std <= 0.0:
-        return information
+        return information, step
     readings = scanned.with_error(error)
     own = information.copy()
     prior = np.eye(4) / tilt_std**2
@@ -58,15 +63,19 @@ def without_tilt(
         jacobian = np.column_stack([gain * values[seen, 1:4], q[seen], gain * values[seen, 4]])
         modes = gain * _modes(scanned.places[:, seen], q[seen])
         variance = readings.variance[k, seen]
-        off = np.abs(scanned.readings[k, seen] - gain * q[seen]) / np.sqrt(variance)
+        left = scanned.readings[k, seen] - gain * q[seen]
+        off = np.abs(left) / np.sqrt(variance)
         weight = FIT_HUBER / np.maximum(off, FIT_HUBER) / variance  # that of the information: no more is eliminated
         weighted = modes * weight[:, np.newaxis]
         shared = jacobian.T @ weighted
-        explained = shared @ np.linalg.solve(modes.T @ weighted + prior, shared.T)
+        by_tilt = np.linalg.solve(modes.T @ weighted + prior, np.column_stack([shared.T, left @ weighted]))
+        explained, right = shared @ by_tilt[:, :STATE], -shared @ by_tilt[:, STATE]
         held = own[k].any(axis=1) & (np.count_nonzero(own[k], axis=1) == 1)  # a state that is held
         explained[held] = explained[:, held] = 0.0
         own[k] -= explained
-    return own
+        right[held] = 0.0
+        step[k] = np.linalg.solve(own[k] + _MOST_STEP, right)
+    return own, step
 
 
 def _modes(places: Floats, pressure: Floats) -> Floats:

@@ -10,12 +10,14 @@ import numpy as np
 from taxelflow.estimation.template.hypotheses import FIRST_GAIN_STD
 from taxelflow.estimation.template.observations import COARSE, strength
 from taxelflow.estimation.template.online.track_state import FAINT
+from taxelflow.estimation.template.solution import ALL_SHOWN
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.centre_of_pressure import Anchor
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.online.keyframes import Keyframes
+    from taxelflow.estimation.template.solution import Hidden
     from taxelflow.messages import Floats
 
 
@@ -91,7 +93,7 @@ class LocalMap:
     """(3, 2), see `arm_on_map`, at the end of the contact."""
     anchor: Anchor | None = None
     """Of the keyframes, see `anchor_of`."""
-    hidden: Floats = field(default_factory=lambda: np.zeros(2))
+    hidden: Hidden = ALL_SHOWN
     decided: bool = False
     """See `Solved`, and whether it is known, ..."""
     tested: int = 0

@@ -210,7 +210,7 @@ class LocalMaps:
         m.slack, m.slack_t = learned.slack + learned.unseen
         self._open_across(pad, learned)
         m.reach, m.undecided = learned.scanned.reach, learned.undecided
-        m.open[:] = m.reach * learned.hidden
+        m.open[:] = m.reach * learned.hidden.direction
         states = learned.keyframes.states
         m.keyframes, m.keyframe[: len(states)] = len(states), states
         self.learners[pad].learned, self.learners[pad].beginning = learned, False

@@ -36,7 +36,7 @@ from taxelflow.numerics.robust import GATE, gate
 if TYPE_CHECKING:
     from taxelflow.estimation.template.centre_of_pressure import Anchor
     from taxelflow.estimation.template.online.hand import PadScan
-    from taxelflow.estimation.template.solution import Solved
+    from taxelflow.estimation.template.solution import Hidden, Solved
     from taxelflow.messages import Bools, Floats
 _STRANGE = 2.0
 """How many times what still fits a keyframe may be from the others."""
@@ -159,7 +159,7 @@ def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:
     states, error, own = best.states[last], max(best.error, tilt_std), scanned.taken(last)
     precision = state_precision(best, own)
     information = linearised(best.pattern, own, states, error, precision).normal.blocks
-    tilted = without_tilt(information, best.pattern, own, states, error, tilt_std)
+    tilted, _ = without_tilt(information, best.pattern, own, states, error, tilt_std)
     more = covariance_of(tilted) - covariance_of(information)
     return float(np.clip(np.median(0.5 * (more[:, 0, 0] + more[:, 1, 1])), 0.0, SLACK.most[0]))
 
@@ -204,12 +204,12 @@ def _best(known: LocalMap) -> tuple[Solved, int]:
     return _with_former_gains(known, scanned, best), taken
 
 
-def _still_hidden(known: LocalMap) -> Floats | None:
-    """(2,), the direction in which no reading shows a motion, until more keyframes may. None where it is to be tested.
+def _still_hidden(known: LocalMap) -> Hidden | None:
+    """The direction in which no reading shows a motion, until more keyframes may. None where it is to be tested.
 
     The test takes long, and strange keyframes call for it again and again.
     """
-    return known.hidden if known.hidden.any() and known.taken < KEYFRAMES.more * known.tested else None
+    return known.hidden if known.hidden and known.taken < KEYFRAMES.more * known.tested else None
 
 
 def _with_former_gains(known: LocalMap, scanned: Scanned, best: Solved) -> Solved:
