@@ -4,7 +4,7 @@ Where the border hides a direction from the centre of pressure, see `numerics.cu
 Slopes of a map do not prove that. Those of a plate may be faults of the taxels. Those of a rod are there between the
 lines that taxels have passed along, where nothing but smoothness determines the map. So another motion is held, and all
 else fitted again, gains of the taxels included. If hardly more is left, the readings do not determine the motion. If
-that is so of rest, the map shows nothing of it, and the centre of pressure decides.
+that is so of rest, the map shows nothing of it, and in batches the centre of pressure decides.
 """
 
 from __future__ import annotations
