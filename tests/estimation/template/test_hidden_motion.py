@@ -95,10 +95,8 @@ def test_where_all_motion_is_shown_there_is_no_such_direction() -> None:
 
 def hidden_of(shape: str, way: float, seed: int) -> Hidden:
     """Of an object that moves in a direction, rad."""
-    layout, random = (
-        grid_sensor(8, 8, pitch_m=(PITCH_M, PITCH_M), unseen_error=0.05).layout,
-        np.random.default_rng(seed),
-    )
+    layout = grid_sensor(8, 8, pitch_m=(PITCH_M, PITCH_M), unseen_error=0.05).layout
+    random = np.random.default_rng(seed)
     x_m, y_m = 0.75 * PATH_M * np.array([[np.cos(way)], [np.sin(way)]])
     at = pressed(shape, layout.x_m - x_m[:, np.newaxis], layout.y_m - y_m[:, np.newaxis])
     readings = 50e3 * at * (1.0 + 0.03 * random.standard_normal(64)) + 100.0 * random.standard_normal(at.shape)

@@ -80,9 +80,7 @@ def _on_one_map(solved: Solved, scanned: Scanned, pitch_m: float, unseen_error: 
     whole, level = with_depth(solved.states, solved.depth), scanned.amplitude if solved.heights else 0.0
 
     def information(error: float) -> tuple[Floats, Floats]:
-        """(scans, 5, 5), of the states, blurred by errors of the readings and by a tilt of the load; see
-        `without_tilt`.
-        """
+        """(scans, 5, 5), of the states, blurred by errors of the readings, without the tilt; and the step by it."""
         own = linearised(solved.pattern, scanned, whole, error, precision, level).normal.blocks
         return without_tilt(own, solved.pattern, scanned, solved.states, error, unseen_error)
 

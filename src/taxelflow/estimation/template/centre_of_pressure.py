@@ -22,6 +22,9 @@ If p and c contradict each other, it is multiplied by chi-square per degree of f
 not determine the angle, the error is the map's alone: a rotation, held at 0, moves p by more than the residuals show.
 There C is first multiplied by the factor that makes chi-square 1.
 
+**Rest.** Along a direction in which the object may have rested, see `hidden_motion`, a batch's map shows neither its
+place nor the shift by the border. C is widened along it until it explains c - p, so that c decides.
+
 **Stream.** A map's frame shifts when it is adjusted. W and c refer to the point of the object at the mean of c over all
 keyframes, see `Anchor`, which hardly shifts. A map that turns keeps the point that was reported, see `online.gauge`.
 
@@ -44,7 +47,7 @@ import numpy as np
 
 from taxelflow.estimation.template.pose_output import Poses, judged_again
 from taxelflow.estimation.template.solution import ALL_SHOWN
-from taxelflow.estimation.template.two_witnesses import combine, surely
+from taxelflow.estimation.template.two_witnesses import combine, surely, widen
 from taxelflow.numerics.bspline import states_of
 from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance, count_loaded, pressure_centre
 from taxelflow.numerics.geometry import turned
@@ -161,12 +164,15 @@ class Centres(NamedTuple):
         missing = np.maximum(1.0 - (self.loaded + 1.0) / np.median(self.loaded[self.known]), 0.0)
         return self._replace(covariance=self.covariance + np.outer(missing**2, extent))
 
-    def uncut(self, solved: Solved, scanned: Scanned, before: Anchor | None = None) -> tuple[Centres, Floats, Floats]:
+    def uncut(
+        self, solved: Solved, scanned: Scanned, before: Anchor | None = None, *, at_rest: Floats = ALL_SHOWN.at_rest
+    ) -> tuple[Centres, Floats, Floats]:
         """The centres corrected for the pad's border, as far as the map of a solved contact predicts its effect.
 
         Also, in the object's frame, the map's centre for most scans (2,), and the shift from it in each scan (scans,
         2), NaN where the map predicts none. before: anchor by an earlier map of some of these scans. They keep their
-        mean shift, so that the point that the centre follows does not depend on which scans a map is made of.
+        mean shift, so that the point that the centre follows does not depend on which scans a map is made of. at_rest:
+        see `Hidden`; the map predicts no shift along it.
 
         The covariance contains the correction, which follows from the map. Scans before and after a jump are compared
         among themselves only: their part of the map may be another pattern.
@@ -195,7 +201,7 @@ class Centres(NamedTuple):
                 off = np.where(own_run[:, np.newaxis], inside - reference, off)
             middle = reference if number == most else middle
         shift = turned(off, states_of(states).theta)
-        x, y = scanned.reach * solved.hidden.at_rest
+        x, y = scanned.reach * at_rest
         doubts = self.covariance + own[:, [0, 0, 1], [0, 1, 1]] + (x * x, x * y, y * y)
         shares = _sure_shares(shift, doubts)
         shift *= (shares if before is None else np.full_like(shares, shares[known].max(initial=0.0)))[:, np.newaxis]
@@ -227,7 +233,7 @@ def anchor_of(solved: Solved, scanned: Scanned, tilt: float, before: Anchor | No
     centres = Centres.of(scanned, scanned.edge, tilt)
     if scanned.across.any() or not centres.known.any():
         return None
-    centres, inside, off = centres.uncut(replace(solved, hidden=ALL_SHOWN), scanned, before)
+    centres, inside, off = centres.uncut(solved, scanned, before)
     centres = centres.formed()
     own = solved.fit.covariance
     trust = 1.0 / (own[:, 0, 0] + own[:, 1, 1] + centres.spread)
@@ -242,8 +248,9 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt:
     of pressure is taken to follow the point of the body on which it lies on average.
     """
     centres = Centres.of(scanned, edge, tilt)
+    at_rest = (ALL_SHOWN if solved is None else solved.hidden).at_rest
     if solved is not None:
-        centres, _, _ = centres.uncut(solved, scanned)
+        centres, _, _ = centres.uncut(solved, scanned, at_rest=at_rest)
     centres = centres.formed()
     known = np.isfinite(poses.pose[:, :2]).all(axis=1) & centres.known
     known &= np.isfinite(poses.covariance[:, :2, :2]).all(axis=(1, 2))
@@ -257,11 +264,11 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt:
     pose, covariance = poses.pose.copy(), poses.covariance.copy()
     shared, noise = np.zeros_like(covariance) + poses.shared, None if poses.noise is None else poses.noise.copy()
     weight, shown = np.zeros((2, 2)), np.isfinite(poses.pose[:, 2])
-    at_rest = (ALL_SHOWN if solved is None else solved.hidden).at_rest
     for k in np.flatnonzero(known).tolist():
         own = covariance[k] / pitch_m**2
         doubt, common = tuple(centres.covariance[k]), tuple(centres.common[k])
-        combine(own, doubt, common, tuple(apart[k]), tuple(at_rest), bool(shown[k]), bool(centres.cut[k]), weight)
+        widen(own, doubt, tuple(apart[k]), at_rest)
+        combine(own, doubt, common, tuple(apart[k]), bool(shown[k]), bool(centres.cut[k]), weight)
         pose[k, :2] += pitch_m * (weight @ apart[k])
         covariance[k, :2] = pitch_m**2 * own[:2]
         covariance[k, 2, :2] = pitch_m**2 * own[2, :2]

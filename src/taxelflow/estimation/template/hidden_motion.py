@@ -157,7 +157,9 @@ def _spread(count: int) -> NDArray[np.int64]:
 
 
 def _determined(scanned: Scanned, solved: Solved, direction: Floats) -> tuple[bool, bool]:
-    """Whether every other motion along a direction leaves clearly more of the scans, and whether rest does not."""
+    """Whether every other motion along a direction leaves clearly more of the scans, and whether rest may explain them:
+    it leaves hardly more, or the motion is too short to be compared with it.
+    """
     some = _spread(len(scanned))
     scans, states = _repeated(scanned.taken(some), solved.states[some])
     own, at = replace(solved, states=states), states[:, :2] @ direction
@@ -171,13 +173,12 @@ def _determined(scanned: Scanned, solved: Solved, direction: Floats) -> tuple[bo
         return any(_left_along(scans, own, direction, other, start, most=most) <= most for start in _starts(own))
 
     moves = np.ptp(at) > _TEST.shortest
-    rests = not moves or explains(np.full_like(at, middle), _TEST.times * left)
-    if rests and moves:
+    if moves and explains(np.full_like(at, middle), _TEST.times * left):
         return False, True
     changed = [(other, max(_TEST.times * left, _TEST.faults * scans.unseen_error)) for other in (at + ramp, at - ramp)]
     if moves:
         changed += [(middle + factor * (at - middle), _TEST.times * left) for factor in _TEST.scaled]
-    return not any(explains(other, most) for other, most in changed), rests
+    return not any(explains(other, most) for other, most in changed), not moves
 
 
 def _most_textured(scanned: Scanned, solved: Solved, direction: Floats) -> Bools:

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 _LEAST_RADIUS = 0.1
 """Lower limit of a radius of gyration, in pitches: that across a single line of taxels is 0."""
-_MOST_STEP = np.eye(STATE)
-"""Information by which a tilt is not expected to move a place by more than a pitch, or an angle by more than 1 rad."""
+_STEP_PRIOR = np.eye(STATE)
+"""Information on a step by a tilt: a standard deviation of a pitch, a rad, and 1 of gain and size."""
 
 
 def without_tilt(
@@ -69,12 +69,12 @@ def without_tilt(
         weighted = modes * weight[:, np.newaxis]
         shared = jacobian.T @ weighted
         by_tilt = np.linalg.solve(modes.T @ weighted + prior, np.column_stack([shared.T, left @ weighted]))
-        explained, right = shared @ by_tilt[:, :STATE], -shared @ by_tilt[:, STATE]
+        explained, right = shared @ by_tilt[:, :-1], -shared @ by_tilt[:, -1]
         held = own[k].any(axis=1) & (np.count_nonzero(own[k], axis=1) == 1)  # a state that is held
         explained[held] = explained[:, held] = 0.0
         own[k] -= explained
         right[held] = 0.0
-        step[k] = np.linalg.solve(own[k] + _MOST_STEP, right)
+        step[k] = np.linalg.solve(own[k] + _STEP_PRIOR, right)
     return own, step
 
 

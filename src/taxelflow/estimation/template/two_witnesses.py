@@ -1,8 +1,7 @@
 """Split covariance intersection of two estimates of one place: by the map, and by the centre of pressure.
 
 Symbols as in `centre_of_pressure`: place p on the map with covariance C, centre of pressure c with covariance D, of
-which S has an unknown correlation with p. Along a direction in which the readings do not exclude rest, C is first
-widened until it explains the distance of c and p.
+which S has an unknown correlation with p.
 """
 
 from __future__ import annotations
@@ -37,17 +36,19 @@ def _inflation(cov: tuple[float, float, float], doubt: tuple[float, float, float
 
 
 @lean_kernel
-def _beyond(
-    cov: tuple[float, float, float], apart: tuple[float, float], direction: tuple[float, float]
-) -> tuple[float, float, float]:
-    """What a distance has along a direction, of any length or 0, beyond a covariance, squared: both as xx, xy, yy."""
-    (xx, xy, yy), (x, y) = cov, direction
-    along = x * apart[0] + y * apart[1]
-    more = along * along - x * x * xx - 2.0 * x * y * xy - y * y * yy
-    if more <= 0.0:
-        return 0.0, 0.0, 0.0
-    more /= (x * x + y * y) ** 2
-    return more * x * x, more * x * y, more * y * y
+def widen(cov: Floats, doubt: tuple[float, float, float], apart: tuple[float, float], along: Floats) -> None:
+    """Add to cov (2 or 3, ...) of a place on the map, C, along a unit vector (2,), what of c - p C + D do not explain.
+
+    Others as for `combine`, in the same unit.
+    """
+    x, y = along[0], along[1]
+    distance = x * apart[0] + y * apart[1]
+    xx, xy, yy = cov[0, 0] + doubt[0], cov[0, 1] + doubt[1], cov[1, 1] + doubt[2]
+    more = max(distance * distance - x * x * xx - 2.0 * x * y * xy - y * y * yy, 0.0)
+    cov[0, 0] += more * x * x
+    cov[1, 1] += more * y * y
+    cov[0, 1] += more * x * y
+    cov[1, 0] = cov[0, 1]
 
 
 @lean_kernel
@@ -56,23 +57,19 @@ def combine(
     doubt: tuple[float, float, float],
     common: tuple[float, float, float],
     apart: tuple[float, float],
-    at_rest: tuple[float, float],
     shows_turn: bool,
     is_cut: bool,
     weight: Floats,
 ) -> None:
     """Fill weight W (2, 2), and replace the covariance (3, 3) of a pose on its map by that of the combined pose.
 
-    doubt, common: D and S, each as xx, xy, yy. apart: c - p. at_rest: see `Hidden`, of any length. shows_turn: whether
-    the map determines the angle, whose variance stays. is_cut: whether the border surely cuts the pattern: then S is
-    all of D, and W as if it were none. All but at_rest are in the same unit.
+    doubt, common: D and S, each as xx, xy, yy. apart: c - p. shows_turn: whether the map determines the angle, whose
+    variance stays. is_cut: whether the border surely cuts the pattern: then S is all of D, and W as if it were none.
+    All are in the same unit.
     """
     map_xx, map_xy, map_yy = cov[0, 0] + LEAST_VARIANCE_M2, cov[0, 1], cov[1, 1] + LEAST_VARIANCE_M2
     wider = 1.0 if shows_turn else _inflation((map_xx, map_xy, map_yy), doubt, apart)
     map_xx, map_xy, map_yy = wider * map_xx, wider * map_xy, wider * map_yy
-    both = map_xx + doubt[0], map_xy + doubt[1], map_yy + doubt[2]
-    xx, xy, yy = _beyond(both, apart, at_rest)
-    map_xx, map_xy, map_yy = map_xx + xx, map_xy + xy, map_yy + yy
     xx, xy, yy = inverse2(map_xx + doubt[0], map_xy + doubt[1], map_yy + doubt[2])
     chi = 0.5 * (apart[0] * apart[0] * xx + 2.0 * apart[0] * apart[1] * xy + apart[1] * apart[1] * yy)
     wide, ratio, common = 1.0, 0.0, doubt if is_cut else common
