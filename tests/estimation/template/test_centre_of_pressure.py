@@ -46,7 +46,6 @@ def combined(
     apart: tuple[float, float] = (0.0, 0.0),
     *,
     common: Floats | None = None,
-    shows_turn: bool = True,
     is_cut: bool = False,
 ) -> tuple[Floats, Floats]:
     """W, and the covariance of a place. common: S, all of D if left out."""
@@ -54,7 +53,7 @@ def combined(
     whole = np.full((3, 3), np.nan)
     whole[:2, :2] = cov
     weight = np.zeros((2, 2))
-    combine(whole, _parts(doubt), _parts(shared), apart, shows_turn, is_cut, weight)
+    combine(whole, _parts(doubt), _parts(shared), apart, is_cut, weight)
     return weight, whole[:2, :2]
 
 
@@ -138,27 +137,6 @@ def test_two_witnesses_that_contradict_each_other_know_less() -> None:
     agreed = combined(0.01 * np.eye(2), 0.01 * np.eye(2))[1]
     apart = combined(0.01 * np.eye(2), 0.01 * np.eye(2), (1.0, 0.0))[1]
     np.testing.assert_allclose(apart, 25.0 * agreed)  # chi-square: 1 / 0.02, of two degrees of freedom
-
-
-@given(seeds)
-def test_a_map_without_a_turn_that_the_load_contradicts_is_as_wrong_as_it_must_be(seed: int) -> None:
-    random = np.random.default_rng(seed)
-    cov, doubt = spread(random), spread(random)
-    apart = np.linalg.cholesky(cov + doubt) @ random.normal(size=2) * 10.0 ** random.uniform(-1, 2)
-    weight, found = combined(cov, doubt, (float(apart[0]), float(apart[1])), common=np.zeros((2, 2)), shows_turn=False)
-    wider = np.linalg.solve(np.eye(2) - weight, weight) @ doubt  # of W = C (C + D)^-1
-    factor = float(np.trace(np.linalg.solve(cov, wider))) / 2
-    np.testing.assert_allclose(wider, factor * cov, rtol=1e-4, atol=1e-6 * factor * np.trace(cov))
-    chi = float(apart @ np.linalg.solve(cov + doubt, apart)) / 2
-    explained = float(apart @ np.linalg.solve(factor * cov + doubt, apart)) / 2
-    np.testing.assert_allclose(explained, min(chi, 1.0), rtol=1e-3)
-    assert np.linalg.eigvalsh(found)[0] > 0
-
-
-def test_far_from_a_map_without_a_turn_the_centre_of_pressure_is_right() -> None:
-    weight, found = combined(1e-4 * np.eye(2), 0.01 * np.eye(2), (10.0, 0.0), shows_turn=False)
-    np.testing.assert_allclose(weight, np.eye(2), atol=1e-3)
-    np.testing.assert_allclose(found, 0.01 * np.eye(2), rtol=0.1)
 
 
 @given(seeds)

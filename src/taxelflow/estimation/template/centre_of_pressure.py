@@ -18,9 +18,7 @@ with an unknown correlation; their part of D is S. For any correlation the covar
     (1 + g) (1 - W) C (1 - W)^T  +  W (D - S) W^T  +  (1 + 1 / g) W S W^T
 
 (split covariance intersection, Julier and Uhlmann, 2001); W and g minimise its trace, beginning with W = C (C + D)^-1.
-If p and c contradict each other, it is multiplied by chi-square per degree of freedom (Birge, 1932). If the map does
-not determine the angle, the error is the map's alone: a rotation, held at 0, moves p by more than the residuals show.
-There C is first multiplied by the factor that makes chi-square 1.
+If p and c contradict each other, it is multiplied by chi-square per degree of freedom (Birge, 1932).
 
 **Rest.** Along a direction in which the object may have rested, see `hidden_motion`, a batch's map shows neither its
 place nor the shift by the border. C is widened along it until it explains c - p, so that c decides.
@@ -263,12 +261,12 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt:
     apart = centres.place - turned(arm, state[:, 2]) - state[:, :2]
     pose, covariance = poses.pose.copy(), poses.covariance.copy()
     shared, noise = np.zeros_like(covariance) + poses.shared, None if poses.noise is None else poses.noise.copy()
-    weight, shown = np.zeros((2, 2)), np.isfinite(poses.pose[:, 2])
+    weight = np.zeros((2, 2))
     for k in np.flatnonzero(known).tolist():
         own = covariance[k] / pitch_m**2
         doubt, common = tuple(centres.covariance[k]), tuple(centres.common[k])
         widen(own, doubt, tuple(apart[k]), at_rest)
-        combine(own, doubt, common, tuple(apart[k]), bool(shown[k]), bool(centres.cut[k]), weight)
+        combine(own, doubt, common, tuple(apart[k]), bool(centres.cut[k]), weight)
         pose[k, :2] += pitch_m * (weight @ apart[k])
         covariance[k, :2] = pitch_m**2 * own[:2]
         covariance[k, 2, :2] = pitch_m**2 * own[2, :2]

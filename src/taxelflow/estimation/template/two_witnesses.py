@@ -18,24 +18,6 @@ _ROUNDS = 4
 
 
 @lean_kernel
-def _inflation(cov: tuple[float, float, float], doubt: tuple[float, float, float], apart: tuple[float, float]) -> float:
-    """The least factor s, 1 or more, for which the covariance sC + D explains the distance of c and p.
-
-    The adjugate of a matrix of two dimensions is linear in it, so chi-square per degree of freedom is 1 where a
-    polynomial of second degree in s is 0. cov, doubt: C and D, each as xx, xy, yy.
-    """
-    (a, b, c), (d, e, f), (x, y) = cov, doubt, apart
-    square = a * c - b * b
-    linear = a * f + c * d - 2.0 * b * e - 0.5 * (c * x * x - 2.0 * b * x * y + a * y * y)
-    constant = d * f - e * e - 0.5 * (f * x * x - 2.0 * e * x * y + d * y * y)
-    if square + linear + constant >= 0.0:
-        return 1.0
-    root = np.sqrt(max(linear * linear - 4.0 * square * constant, 0.0))
-    wider = (root - linear) / (2.0 * square) if linear < 0.0 else -2.0 * constant / (root + linear)
-    return float(wider)
-
-
-@lean_kernel
 def widen(cov: Floats, doubt: tuple[float, float, float], apart: tuple[float, float], along: Floats) -> None:
     """Add to cov (2 or 3, ...) of a place on the map, C, along a unit vector (2,), what of c - p C + D do not explain.
 
@@ -57,19 +39,15 @@ def combine(
     doubt: tuple[float, float, float],
     common: tuple[float, float, float],
     apart: tuple[float, float],
-    shows_turn: bool,
     is_cut: bool,
     weight: Floats,
 ) -> None:
     """Fill weight W (2, 2), and replace the covariance (3, 3) of a pose on its map by that of the combined pose.
 
-    doubt, common: D and S, each as xx, xy, yy. apart: c - p. shows_turn: whether the map determines the angle, whose
-    variance stays. is_cut: whether the border surely cuts the pattern: then S is all of D, and W as if it were none.
-    All are in the same unit.
+    doubt, common: D and S, each as xx, xy, yy. apart: c - p. is_cut: whether the border surely cuts the pattern: then S
+    is all of D, and W as if it were none. All are in the same unit.
     """
     map_xx, map_xy, map_yy = cov[0, 0] + LEAST_VARIANCE_M2, cov[0, 1], cov[1, 1] + LEAST_VARIANCE_M2
-    wider = 1.0 if shows_turn else _inflation((map_xx, map_xy, map_yy), doubt, apart)
-    map_xx, map_xy, map_yy = wider * map_xx, wider * map_xy, wider * map_yy
     xx, xy, yy = inverse2(map_xx + doubt[0], map_xy + doubt[1], map_yy + doubt[2])
     chi = 0.5 * (apart[0] * apart[0] * xx + 2.0 * apart[0] * apart[1] * xy + apart[1] * apart[1] * yy)
     wide, ratio, common = 1.0, 0.0, doubt if is_cut else common

@@ -196,7 +196,7 @@ def weigh_pose(scale: float, m: Track, centre: Floats, pose: Floats, cov: Floats
     xx, xy, yy = unit * xx, unit * xy, unit * yy
     common = unit * (own[6] + dx * dx) + cut, unit * (own[7] + dx * dy), unit * (own[8] + dy * dy) + cut
     apart, is_cut = (centre[0] - pose[0], centre[1] - pose[1]), dx * dx + dy * dy > 0.0
-    combine(cov, (xx + cut, xy, yy + cut), common, apart, m.seen, is_cut, weight)
+    combine(cov, (xx + cut, xy, yy + cut), common, apart, is_cut, weight)
 
 
 @lean_kernel
