@@ -39,7 +39,7 @@ def test_a_pad_as_one_contact_keeps_its_scans_and_is_found_to_move_apart() -> No
     contacts = session(GRID)
     segmented = contacts.step(given)
     assert segmented.scans is given
-    assert segmented.moved_apart[-1].tolist() == [True]
+    assert segmented.unfit[-1].tolist() == [True]
     assert len(contacts.notes) == 1
     assert segmented.contacts.force[:, 0] == pytest.approx(given.pressure.sum(axis=1) * 0.004**2)
 
@@ -52,7 +52,7 @@ def test_split_contacts_hold_their_own_taxels_and_are_described_by_them() -> Non
     segmented = contacts.step(given)
     np.testing.assert_array_equal(given.pressure, before)  # the conditioner's scans stay as they are
     assert segmented.scans.contact.all()
-    assert not segmented.moved_apart.any()
+    assert not segmented.unfit.any()
     assert contacts.notes == []
     whole, first, second = segmented.contacts.force.T
     np.testing.assert_allclose(first + second, whole, rtol=1e-3)
@@ -68,4 +68,4 @@ def test_results_do_not_depend_on_how_scans_are_cut_into_blocks(split: int) -> N
     parts = [running.step(piece) for piece in pieces(scans(sensor), [1, 7, 7, 30])]
     assert_same(whole.scans, joined([part.scans for part in parts]))
     assert_same(whole.contacts, joined([part.contacts for part in parts]))
-    np.testing.assert_array_equal(whole.moved_apart, np.concatenate([part.moved_apart for part in parts]))
+    np.testing.assert_array_equal(whole.unfit, np.concatenate([part.unfit for part in parts]))

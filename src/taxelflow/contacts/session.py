@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from taxelflow.contacts.moments import FeatureExtractor
 from taxelflow.contacts.rigidity import RigidityMonitor
+from taxelflow.contacts.skin_memory import SkinMemory
 from taxelflow.contacts.split import ContactSplitter
 from taxelflow.contacts.texture import TextureMeter
 from taxelflow.messages import Bools, Contacts, Scans, Texture
@@ -19,13 +20,13 @@ if TYPE_CHECKING:
 class SegmentedScans:
     """Scans after segmentation.
 
-    scans: as conditioned, but each split contact holds its own taxels only. moved_apart: (scans, pads), where contacts
-    of a pad that is treated as one rigid object have moved relative to each other since it was touched. contacts:
-    features of every pad's contact. texture: what its pattern shows.
+    scans: as conditioned, but each split contact holds its own taxels only. unfit: (scans, pads), where readings are
+    not those of one rigid object: contacts of its pad have moved relative to each other since it was touched, or the
+    skin may remember them. contacts: features of every pad's contact. texture: what its pattern shows.
     """
 
     scans: Scans
-    moved_apart: Bools
+    unfit: Bools
     contacts: Contacts
     texture: Texture
 
@@ -39,7 +40,7 @@ class ContactSession:
         self._splitter = ContactSplitter(layout, on, off) if (layout.contact_of >= 0).any() else None
         self._monitor = RigidityMonitor(layout, on, off, at_once=stream)
         self._features = FeatureExtractor(sensor, threshold)
-        self._texture = TextureMeter(layout)
+        self._texture, self._memory = TextureMeter(layout), SkinMemory(layout)
 
     @property
     def notes(self) -> list[str]:
@@ -50,4 +51,6 @@ class ContactSession:
         """Segment the scans that follow those of the last call. The input is left unchanged."""
         if self._splitter is not None:
             scans = self._splitter.step(scans)
-        return SegmentedScans(scans, self._monitor.step(scans), self._features.step(scans), self._texture.step(scans))
+        contacts = self._features.step(scans)
+        unfit = self._monitor.step(scans) | self._memory.step(scans.t_s, contacts.peak)
+        return SegmentedScans(scans, unfit, contacts, self._texture.step(scans))

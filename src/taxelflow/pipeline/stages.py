@@ -133,7 +133,7 @@ class Run:
             self._segment = pipeline.features.start(recording.sensor, on, off, stream=self._stream)
         self._segmented: list[Contacts] = []
         self._textures: list[Texture] = []
-        self._moved_apart: list[Bools] = []
+        self._unfit: list[Bools] = []
         self._estimated: list[Slips] = []
         self._slip = pipeline.monitor.watch(layout, stream=self._stream, judged=judges(self._estimator))
         self._shifts = RestHypothesis(layout, stream=self._stream)
@@ -221,7 +221,7 @@ class Run:
         segmented = self._segment.step(scans)
         self._segmented.append(segmented.contacts)
         self._textures.append(segmented.texture)
-        self._moved_apart.append(segmented.moved_apart)
+        self._unfit.append(segmented.unfit)
         self._shifts.see(self._slip.see(segmented.scans))
         yield from self._detect(self._estimate.step(segmented.scans))
 
@@ -230,11 +230,11 @@ class Run:
             return
         if self._condition.lag_s:
             slips = replace(slips, lag_s=slips.lag_s + self._condition.lag_s)
-        held = self._moved_apart
-        moved_apart = held[0] if len(held) == 1 else np.concatenate(held)
-        self._moved_apart = [moved_apart[len(slips) :]] if len(moved_apart) > len(slips) else []
-        if np.count_nonzero(moved_apart):
-            slips.quality[moved_apart[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no rigid object moves so
+        held = self._unfit
+        unfit = held[0] if len(held) == 1 else np.concatenate(held)
+        self._unfit = [unfit[len(slips) :]] if len(unfit) > len(slips) else []
+        if np.count_nonzero(unfit):
+            slips.quality[unfit[: len(slips)] & (slips.quality == OK)] = UNRESOLVED  # no rigid object reads so
         self._shifts.step(slips)
         self._estimated.append(slips.whole())  # slips are detected by what noise does
         yield from self._judged(self._slip.step(slips))
