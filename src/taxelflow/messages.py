@@ -277,16 +277,16 @@ class Slips:
 
     def whole(self) -> Slips:
         """The same with a covariance that holds unseen errors."""
-        return self if self.unseen is None else self.doubted(self.covariance + self.unseen, self.quality)
+        return self if self.unseen is None else self.judged(self.pose, self.covariance + self.unseen, self.quality)
 
-    def doubted(self, covariance: Floats, quality: Bytes) -> Slips:
-        """The same with another covariance and quality, which hold unseen errors: half of the time of `replace`."""
+    def judged(self, pose: Floats, covariance: Floats, quality: Bytes) -> Slips:
+        """The same with judged poses, and a covariance that holds unseen errors: half of the time of `replace`."""
         return Slips(
             t_s=self.t_s,
             contact=self.contact,
             border=self.border,
             displacement=self.displacement,
-            pose=self.pose,
+            pose=pose,
             covariance=covariance,
             displacement_covariance=self.displacement_covariance,
             span_s=self.span_s,

@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from costly import mostly_long
 from elastic_skin import PITCH_M, RATE_HZ, SENSOR, on_skin
 from synthetic import assert_same, recorded
 from taxelflow.estimation import rest_hypothesis
 from taxelflow.estimation.rest_hypothesis import RestHypothesis, Shifts
+from taxelflow.estimation.rest_weight import share_of_motion
 from taxelflow.messages import AMBIGUOUS, OK, cut
 from taxelflow.numerics.rest_or_slide import compare
 from taxelflow.pipeline import api
@@ -134,6 +137,33 @@ def test_the_covariance_of_a_rocked_object_holds_its_distance_from_its_reference
     away = np.abs(slips.pose[:, 0, 0] - slips.pose[slips.quality[:, 0] == OK][0, 0, 0])
     assert doubted.any()
     assert np.sqrt(slips.covariance[doubted, 0, 0, 0]).max() > 0.5 * away[doubted].max()
+
+
+@both
+@pytest.mark.parametrize("method", ["convolution", "registration"])
+def test_an_object_that_is_rocked_at_rest_moves_less_than_its_load(
+    method: str, mode: Mode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rocked, still = on_skin(AT_REST, 0.5 * ROCKED), slice(FIRST + 30, FIRST + 245)
+    weighed = api.estimate(rocked, method, mode=mode).slips.pose[still, 0, 0]
+    monkeypatch.setattr(RestHypothesis, "weighed", lambda _self, slips, *_args: slips)
+    alone = api.estimate(rocked, method, mode=mode).slips.pose[still, 0, 0]
+    assert np.nanstd(weighed) < (0.8 if mode == "batch" else 0.95) * np.nanstd(alone)
+
+
+@given(x=st.floats(-1.0, 1.0), std=st.floats(0.01, 1.0), rests=st.floats(0.0, 9.0))
+def test_an_object_has_gone_the_less_of_a_distance_the_likelier_noise_explains_it(
+    x: float, std: float, rests: float
+) -> None:
+    cov = np.diag([std**2, 1.0])
+    share = share_of_motion(x, 0.0, cov, rests, 1.0)
+    assert 0.0 <= share <= 1.0
+    assert share_of_motion(1.5 * x, 0.0, cov, rests, 1.0) >= share
+    assert share_of_motion(x, 0.0, 4.0 * cov, rests, 1.0) <= share
+    assert share_of_motion(x, 0.0, 1e9 * cov, rests, std**2) == pytest.approx(share)  # open: no reason for rest
+    assert share_of_motion(x, 0.0, cov, rests + 1.0, 1.0) <= share
+    if abs(x) > 9.0 * std:
+        assert share > 0.999
 
 
 @both

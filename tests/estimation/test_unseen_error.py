@@ -49,10 +49,10 @@ def test_centroids_that_know_noise_only_are_far_off_what_they_state() -> None:
     assert nees("convolution", 0, 0.0) > 3.0
 
 
-def test_the_covariance_for_an_object_at_rest_is_by_noise_alone() -> None:
+def test_unseen_errors_change_poses_beside_a_rest_and_their_covariance_only() -> None:
     values, t_s = slide(0), np.arange(40 + len(X_M)) / 50.0
     faulty, faultless = (api.estimate(recorded(values, one, t_s), "convolution").slips for one in (FAULTY, FAULTLESS))
-    assert_same(replace(faulty, covariance=faultless.covariance), faultless)
+    assert_same(replace(faulty, pose=faultless.pose, covariance=faultless.covariance), faultless)
     touched = faulty.contact[:, 0] & np.isfinite(faulty.pose[:, 0, 0])
     assert (faulty.covariance[touched, 0, 0, 0] > faultless.covariance[touched, 0, 0, 0]).all()
     assert faulty.unseen is None

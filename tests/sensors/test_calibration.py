@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -124,14 +125,15 @@ def test_groups_inherit_the_gain_of_their_pad() -> None:
 
 
 def test_estimating_refuses_another_method_and_the_file_is_read(stroke: Recording, tmp_path: Path) -> None:
+    exact = replace(stroke, sensor=msgspec.structs.replace(stroke.sensor, unseen_error=0.0))  # no pose beside a rest
     path = tmp_path / "cal.toml"
-    save_calibration(of(stroke.sensor), path)
+    save_calibration(of(exact.sensor), path)
     with pytest.raises(CalibrationUnfit, match="LNorm"):
-        taxelflow.estimate(stroke, "lnorm", calibration=path)
+        taxelflow.estimate(exact, "lnorm", calibration=path)
     with pytest.raises(CalibrationUnfit, match="PrincipalAxis"):
-        taxelflow.estimate(stroke, "principal_axis", calibration=path)
-    plain = taxelflow.estimate(stroke, gain=2.0)
-    result = taxelflow.estimate(stroke, gain=2.0, calibration=str(path))
+        taxelflow.estimate(exact, "principal_axis", calibration=path)
+    plain = taxelflow.estimate(exact, gain=2.0)
+    result = taxelflow.estimate(exact, gain=2.0, calibration=str(path))
     np.testing.assert_allclose(result.slips.pose[..., 0], 1.25 * plain.slips.pose[..., 0], rtol=1e-12)
     np.testing.assert_allclose(result.slips.pose[..., 1], 0.9 * plain.slips.pose[..., 1], rtol=1e-12)
     assert result.summary.parameters["calibration"]["pads"][0]["gain_x"] == 1.25

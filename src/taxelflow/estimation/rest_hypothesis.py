@@ -5,7 +5,7 @@ sensor with an `unseen_error` the distance from where the object rested last, it
 until the pattern contradicts: until a slide explains its change since then at least as well as rest does, see
 `rest_or_slide`. Patterns are compared from bin to bin, those of several pads one after the other, in scans of the next
 bin. Where less than half of the load is still on taxels that were loaded at the reference, the object has come that
-far.
+far. Until then the pose is the mean of both hypotheses, by their likelihood, unless it has slipped since.
 
 Load that has shifted poses at rest goes on to shift when the object slides. So how far excursions went that came back,
 without a slide, is learned, and is a part of the covariance of poses that have moved.
@@ -25,13 +25,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.held_shift import HeldShift
+from taxelflow.estimation.rest_weight import weigh_rest
 from taxelflow.estimation.sticking_poses import StickingPoses
-from taxelflow.messages import AMBIGUOUS, OK, Bools, Bytes, Floats, joined
+from taxelflow.messages import Bools, Floats, joined
 from taxelflow.numerics.bins import AHEAD_S
 from taxelflow.numerics.rest_or_slide import compare, overlap
 from taxelflow.numerics.rounding import BLURRED
-from taxelflow.numerics.small_linalg import eigenvalues2
-from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.skins import PadNoise, skin_of
 
 if TYPE_CHECKING:
@@ -112,7 +111,7 @@ class Shifts:
 
 
 class RestHypothesis:
-    """Follows all pads. `see` gets bins of scans, `step` their poses, `doubted` the oldest of these once more."""
+    """Follows all pads. `see` gets bins of scans, `step` their poses, `weighed` the oldest of these once more."""
 
     def __init__(self, layout: Layout, *, stream: bool) -> None:
         self._layout, self._ahead_s = layout, 0.0 if stream else AHEAD_S
@@ -132,14 +131,16 @@ class RestHypothesis:
         self._moved, self._far = np.zeros((2, pads), dtype=np.bool_)
         self._excursion = np.zeros(pads, dtype=np.int64)
         self._rows: list[_Rows] = []
-        self._held = HeldShift(pads)
+        self._held, self._slid = HeldShift(pads), np.full(pads, -1)
         none = np.zeros((0, pads, 2))
-        _widen(
-            none,
+        weigh_rest(
+            np.zeros((0, pads, 3)),
             none,
             np.zeros((0, pads, 2, 2)),
             np.zeros((0, pads, 2, 2)),
-            np.zeros((0, pads), np.bool_),
+            (np.zeros((0, pads), np.bool_), np.zeros((0, pads), np.bool_), np.zeros((0, pads), np.int64)),
+            self._slid,
+            np.zeros((0, pads)),
             self._pitch_m,
             np.zeros((0, pads, 3, 3)),
             np.zeros((0, pads), np.uint8),
@@ -169,18 +170,21 @@ class RestHypothesis:
             shifted[scan] = self._shifted
         self._rows.append(_Rows(slips.t_s, origin_m, shifted, moved, excursion))
 
-    def doubted(self, slips: Slips, sticks: Bools | None, begun_s: Floats | None) -> Slips:
-        """The oldest scans of `step` whose poses were not given out yet, with the covariance that rest asks for.
+    def weighed(
+        self, slips: Slips, slipping: Bools, rests: Floats, sticks: Bools | None, begun_s: Floats | None
+    ) -> Slips:
+        """The oldest scans of `step` whose poses were not given out yet, weighed against rest.
 
-        sticks: (scans, pads), see `StickingPoses`; None where no shear is measured. begun_s: (scans, pads), see
-        `Judged`; None in streams.
+        slipping: (scans, pads). rests: (scans, pads), log odds of rest by the pattern. sticks: (scans, pads), see
+        `StickingPoses`; None where no shear is measured. begun_s: (scans, pads), see `Judged`; None in streams.
         """
         count = len(slips)
         if not self._doubts or not count:
             return slips
         rows = joined(self._rows)
         self._rows = [rows.after(count)] if len(rows.t_s) > count else []
-        covariance, quality, origin_m = slips.covariance.copy(), slips.quality.copy(), rows.origin_m[:count]
+        pose, covariance, quality = slips.pose.copy(), slips.covariance.copy(), slips.quality.copy()
+        origin_m = rows.origin_m[:count]
         moved, held = rows.moved[:count], np.zeros((count, len(self._pitch_m), 2, 2))
         if begun_s is not None:
             slides, dated = begun_s <= slips.t_s[:, np.newaxis], np.isfinite(begun_s)
@@ -189,8 +193,9 @@ class RestHypothesis:
         if sticks is not None:
             origin_m = np.where(sticks[..., np.newaxis], self._sticking.touched(slips), origin_m)
             moved = moved & ~sticks
-        _widen(slips.pose[..., :2], origin_m, rows.shifted[:count], held, moved, self._pitch_m, covariance, quality)
-        slips = slips.doubted(covariance, quality)
+        shifted, motion = rows.shifted[:count], (moved, slipping, rows.excursion[:count])
+        weigh_rest(pose, origin_m, shifted, held, motion, self._slid, rests, self._pitch_m, covariance, quality)
+        slips = slips.judged(pose, covariance, quality)
         return slips if sticks is None else self._sticking.held(slips, origin_m, sticks)
 
     def _end(self, known: Bools) -> None:
@@ -261,40 +266,3 @@ def _in_time(rows: _Rows, ahead_s: float) -> Bools:
         next_s = np.where(rows.moved[scan], rows.t_s[scan], next_s)
         moved[scan] |= next_s <= rows.t_s[scan] + ahead_s
     return moved
-
-
-@kernel
-def _widen(
-    place_m: Floats,
-    origin_m: Floats,
-    shifted: Floats,
-    held: Floats,
-    moved: Bools,
-    pitch_m: Floats,
-    covariance: Floats,
-    quality: Bytes,
-) -> None:
-    """Add to covariances (scans, pads, 3, 3) the distance of places (scans, pads, 2) from their references, or, where
-    they have moved (scans, pads), what the load does to them, shifted (scans, pads, 2, 2); quality (scans, pads)
-    follows. held: (scans, pads, 2, 2), see `HeldShift`. pitch_m: (pads,).
-    """
-    for scan in range(len(place_m)):
-        for pad in range(len(pitch_m)):
-            x = place_m[scan, pad, 0] - origin_m[scan, pad, 0]
-            y = place_m[scan, pad, 1] - origin_m[scan, pad, 1]
-            if np.isnan(x):
-                continue
-            own, more = covariance[scan, pad], shifted[scan, pad]
-            xx, yy, xy = x * x, y * y, x * y
-            if moved[scan, pad]:
-                xx, yy, xy = more[0, 0], more[1, 1], more[0, 1]
-            more = held[scan, pad]
-            xx, yy, xy = xx + more[0, 0], yy + more[1, 1], xy + more[0, 1]
-            own[0, 0] += xx
-            own[1, 1] += yy
-            own[0, 1] += xy
-            own[1, 0] += xy
-            most = (BLURRED * pitch_m[pad]) ** 2
-            blurred = xx + yy > most or eigenvalues2(own[0, 0], own[1, 1], own[0, 1])[1] > most
-            if blurred and quality[scan, pad] == OK:
-                quality[scan, pad] = AMBIGUOUS

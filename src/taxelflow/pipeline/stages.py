@@ -246,7 +246,7 @@ class Run:
                 yield replace(self._nothing, events=judged.events)
             return
         slips, self._estimated = split(self._estimated, len(judged))
-        slips = self._shifts.doubted(slips, judged.sticks, judged.begun_s)
+        slips = self._shifts.weighed(slips, judged.slipping, judged.rests, judged.sticks, judged.begun_s)
         contacts, self._segmented = split(self._segmented, len(judged))
         texture, self._textures = split(self._textures, len(judged))
         motions = self._fuse.step(slips, contacts.centroid, texture)

@@ -12,7 +12,7 @@ from taxelflow.numerics.bins import AHEAD_S
 from taxelflow.slip.begun import Begun
 from taxelflow.slip.cut_contact import BorderLoss
 from taxelflow.slip.measurement import parameter_records
-from taxelflow.slip.odds import AFTER, LiveOdds, Odds, OfflineOdds
+from taxelflow.slip.odds import AFTER, AGAINST, LiveOdds, Odds, OfflineOdds
 from taxelflow.slip.offline import OfflineSlipSession
 from taxelflow.slip.onset import MAX_EXPONENT
 from taxelflow.slip.pad_agreement import PadAgreement
@@ -35,15 +35,18 @@ Block = TypeVar("Block", Odds, PatternChanges)
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
     """The oldest scans that are judged. slipping: (scans, pads). evidence: (scans, pads), log odds of a slip by the
-    change of the pattern; NaN where unknown. statistic: (scans, pads), that which decides, over its threshold: above 1
-    it slips. It is that of the pose, on restless pads the odds; NaN where a scan was not tested. events: those that are
-    complete, in time order; of a recording later than their scans, as slips wait for their end. sticks: (scans, pads),
-    see `Sticking`; None where no shear is measured. begun_s: (scans, pads), since when the
-    pattern consents to the slip by the pose that goes on, or when the next one begins, see `ahead`; None in streams.
+    change of the pattern; NaN where unknown. rests: (scans, pads), by how much these are below those of an object of
+    which nothing is known; 0 in streams, whose odds come later than their poses. statistic: (scans, pads), that which
+    decides, over its threshold: above 1 it slips. It is that of the pose, on restless pads the odds; NaN where a scan
+    was not tested. events: those that are complete, in time order; of a recording later than their scans, as slips wait
+    for their end. sticks: (scans, pads), see `Sticking`; None where no shear is measured. begun_s: (scans, pads), since
+    when the pattern consents to the slip by the pose that goes on, or when the next one begins, see `ahead`; None in
+    streams.
     """
 
     slipping: Bools
     evidence: Floats
+    rests: Floats
     statistic: Floats
     events: list[Event]
     sticks: Bools | None = None
@@ -135,7 +138,7 @@ class SlipStage:
         count = sum(map(len, parts))
         if not count:
             none = np.empty((0, *posed.shape[1:]))
-            return Judged(posed[:0], none, none, self._completed.finish() if last else [])
+            return Judged(posed[:0], none, none, none, self._completed.finish() if last else [])
         odds = joined(parts)
         slips = joined(self._slips)
         flags = self._posed[0] if len(self._posed) == 1 else np.concatenate(self._posed)
@@ -164,7 +167,8 @@ class SlipStage:
             statistic = np.where(odds.restless, np.exp(np.clip(decisive, -MAX_EXPONENT, MAX_EXPONENT)), statistic)
         sticks = self._sticking.step(slips.t_s, slips.contact, slipping, odds.log_odds) if self._sheared else None
         events = [*complete, *self._completed.finish()] if last else complete
-        return Judged(slipping, odds.log_odds, statistic, events, sticks, begun_s)
+        rests = np.fmax(AGAINST - odds.log_odds, 0.0) if self._ahead_s else np.zeros_like(odds.log_odds)
+        return Judged(slipping, odds.log_odds, rests, statistic, events, sticks, begun_s)
 
     def _dated(self, since_s: Floats, flags: Bools, t_s: Floats, count: int) -> tuple[Floats, Floats | None]:
         """Since when the patterns of the oldest scans consent, see `Posed`, and `Judged.begun_s`."""
