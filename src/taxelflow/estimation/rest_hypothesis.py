@@ -31,6 +31,7 @@ from taxelflow.messages import Bools, Floats, joined
 from taxelflow.numerics.bins import AHEAD_S
 from taxelflow.numerics.rest_or_slide import compare, overlap
 from taxelflow.numerics.rounding import BLURRED
+from taxelflow.runtime.settled import Settled
 from taxelflow.sensors.skins import PadNoise, skin_of
 
 if TYPE_CHECKING:
@@ -132,8 +133,8 @@ class RestHypothesis:
         self._excursion = np.zeros(pads, dtype=np.int64)
         self._rows: list[_Rows] = []
         self._held, self._slid = HeldShift(pads), np.full(pads, -1)
-        none = np.zeros((0, pads, 2))
-        weigh_rest(
+        self._weigh, none = Settled(weigh_rest), np.zeros((0, pads, 2))
+        self._weigh(
             np.zeros((0, pads, 3)),
             none,
             np.zeros((0, pads, 2, 2)),
@@ -194,7 +195,7 @@ class RestHypothesis:
             origin_m = np.where(sticks[..., np.newaxis], self._sticking.touched(slips), origin_m)
             moved = moved & ~sticks
         shifted, motion = rows.shifted[:count], (moved, slipping, rows.excursion[:count])
-        weigh_rest(pose, origin_m, shifted, held, motion, self._slid, rests, self._pitch_m, covariance, quality)
+        self._weigh(pose, origin_m, shifted, held, motion, self._slid, rests, self._pitch_m, covariance, quality)
         slips = slips.judged(pose, covariance, quality)
         return slips if sticks is None else self._sticking.held(slips, origin_m, sticks)
 
