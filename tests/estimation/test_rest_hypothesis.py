@@ -161,6 +161,7 @@ def test_an_object_has_gone_the_less_of_a_distance_the_likelier_noise_explains_i
     assert share_of_motion(1.5 * x, 0.0, cov, rests, 1.0) >= share
     assert share_of_motion(x, 0.0, 4.0 * cov, rests, 1.0) <= share
     assert share_of_motion(x, 0.0, 1e9 * cov, rests, std**2) == pytest.approx(share)  # open: no reason for rest
+    assert share_of_motion(x, 0.0, np.full((2, 2), np.nan), rests, std**2) == pytest.approx(share)
     assert share_of_motion(x, 0.0, cov, rests + 1.0, 1.0) <= share
     if abs(x) > 9.0 * std:
         assert share > 0.999

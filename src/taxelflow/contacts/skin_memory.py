@@ -35,7 +35,7 @@ class SkinMemory:
         peak: (scans, pads), largest readings of the loaded taxels, NaN without a contact; these scans follow those of
         the last call.
         """
-        remembered = np.zeros(peak.shape, dtype=np.bool_)
+        remembered, peak = np.zeros(peak.shape, dtype=np.bool_), np.ascontiguousarray(peak)
         find_remembered(t_s, peak, self._share, self._fades_s, self._held, self._last_s, remembered)
         return remembered
 

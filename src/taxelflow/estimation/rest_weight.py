@@ -70,10 +70,11 @@ def share_of_motion(x: float, y: float, cov: Floats, rests: float, most_m2: floa
     is where its pose says.
 
     cov: (2 or more, 2 or more), of the distance. rests: log odds of rest, by all but the distance. most_m2: variance at
-    most, for a place that is open is no reason for rest.
+    most, or if it is unknown: a place that is open is no reason for rest.
     """
     square = x * x + y * y
     if square == 0.0:
         return 1.0
     variance = (x * x * cov[0, 0] + 2.0 * x * y * cov[0, 1] + y * y * cov[1, 1]) / square
-    return float(1.0 / (1.0 + np.exp(rests - 0.5 * square / min(max(variance, LEAST_VARIANCE_M2), most_m2))))
+    variance = max(variance, LEAST_VARIANCE_M2) if variance < most_m2 else most_m2
+    return float(1.0 / (1.0 + np.exp(rests - 0.5 * square / variance)))
