@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from golden.__main__ import main
 from golden.archive import compare, machine
 from golden.runs import Run
 
@@ -50,3 +51,9 @@ def test_a_run_is_compared_to_the_bit_here_and_to_a_stated_tolerance_elsewhere(
 def test_a_run_that_the_archive_lacks_is_a_difference(capsys: pytest.CaptureFixture[str]) -> None:
     assert compare((machine(), {}), {"stroke/lnorm/batch": run()}) == 1
     assert "not in the archive" in capsys.readouterr().out
+
+
+def test_a_part_of_the_archive_is_not_written(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["update", "--only", "stroke"])
+    assert "--only stroke is for compare" in capsys.readouterr().err

@@ -17,10 +17,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--rtol", type=float, help="Relative tolerance of numbers; 0 compares bit for bit.")
     parser.add_argument("--processes", type=int, default=2, help="Recordings to work on at a time.")
     options = parser.parse_args(arguments)
+    if options.only and options.what == "update":
+        parser.error(f"update writes all runs (--only {options.only} is for compare)")
     if options.what == "compare" and not ARCHIVE.is_file():
         print(f"no golden archive at {ARCHIVE}: run make golden-update", file=sys.stderr)
         return 2
-    found, skipped = run_all(options.only if options.what == "compare" else "", options.processes)
+    found, skipped = run_all(options.only, options.processes)
     for reason in skipped:
         print(f"skipped: {reason}")
     if options.what == "update":
