@@ -257,7 +257,7 @@ class LocalMaps:
         if old.mature and has_own_frame(m):  # what is known well does not step
             m.broken += 0.5 * stepped
         most = np.inf if new.anchor is None else new.anchor.variance
-        m.broken, m.wander = m.broken if m.cut else min(m.broken, most), min(m.wander, most)
+        m.wander = min(m.wander, most)
         m.slack = new.slack[0] + new.unseen[0]
         self.go_on(pad)
 
