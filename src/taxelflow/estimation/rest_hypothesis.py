@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.held_shift import HeldShift
-from taxelflow.estimation.rest_weight import weigh_rest
+from taxelflow.estimation.rest_weight import Beside, weigh_rest
 from taxelflow.estimation.sticking_poses import StickingPoses
 from taxelflow.messages import Bools, Floats, joined
 from taxelflow.numerics.bins import AHEAD_S
@@ -133,18 +133,16 @@ class RestHypothesis:
         self._excursion = np.zeros(pads, dtype=np.int64)
         self._rows: list[_Rows] = []
         self._held, self._slid = HeldShift(pads), np.full(pads, -1)
-        self._weigh, none = Settled(weigh_rest), np.zeros((0, pads, 2))
+        self._weigh, none = Settled(weigh_rest), np.zeros((0, pads, 2, 2))
+        flags, numbers = np.zeros((0, pads), np.bool_), np.zeros((0, pads), np.int64)
+        beside = Beside(none[..., 0], none, none, flags, flags, numbers, np.zeros((0, pads)))
         self._weigh(
-            np.zeros((0, pads, 3)),
-            none,
-            np.zeros((0, pads, 2, 2)),
-            np.zeros((0, pads, 2, 2)),
-            (np.zeros((0, pads), np.bool_), np.zeros((0, pads), np.bool_), np.zeros((0, pads), np.int64)),
+            beside,
             self._slid,
-            np.zeros((0, pads)),
             self._pitch_m,
+            np.zeros((0, pads, 3)),
             np.zeros((0, pads, 3, 3)),
-            np.zeros((0, pads), np.uint8),
+            numbers.astype(np.uint8),
         )
 
     def see(self, bins: list[Bin]) -> None:
@@ -194,8 +192,8 @@ class RestHypothesis:
         if sticks is not None:
             origin_m = np.where(sticks[..., np.newaxis], self._sticking.touched(slips), origin_m)
             moved = moved & ~sticks
-        shifted, motion = rows.shifted[:count], (moved, slipping, rows.excursion[:count])
-        self._weigh(pose, origin_m, shifted, held, motion, self._slid, rests, self._pitch_m, covariance, quality)
+        beside = Beside(origin_m, rows.shifted[:count], held, moved, slipping, rows.excursion[:count], rests)
+        self._weigh(beside, self._slid, self._pitch_m, pose, covariance, quality)
         slips = slips.judged(pose, covariance, quality)
         return slips if sticks is None else self._sticking.held(slips, origin_m, sticks)
 

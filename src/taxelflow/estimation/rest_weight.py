@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,45 +15,51 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
+class Beside(NamedTuple):
+    """What is known of rest and motion, (scans, pads) each.
+
+    origin_m: (scans, pads, 2), places of the references. shifted, held: (scans, pads, 2, 2), what the load does to
+    poses that have moved, and see `HeldShift`. moved, slipping: whether they have moved, and slip. excursion: its
+    number. rests: log odds of rest by the pattern.
+    """
+
+    origin_m: Floats
+    shifted: Floats
+    held: Floats
+    moved: Bools
+    slipping: Bools
+    excursion: NDArray[np.int64]
+    rests: Floats
+
+
 @kernel
 def weigh_rest(
-    pose: Floats,
-    origin_m: Floats,
-    shifted: Floats,
-    held: Floats,
-    motion: tuple[Bools, Bools, NDArray[np.int64]],
-    slid: NDArray[np.int64],
-    rests: Floats,
-    pitch_m: Floats,
-    covariance: Floats,
-    quality: Bytes,
+    beside: Beside, slid: NDArray[np.int64], pitch_m: Floats, pose: Floats, covariance: Floats, quality: Bytes
 ) -> None:
     """Make poses (scans, pads, 3) of objects that may rest the mean of both hypotheses, see `share_of_motion`, and add
-    their distance from the references (scans, pads, 2) to their covariances (scans, pads, 3, 3); where they have moved,
-    what the load does to them, shifted (scans, pads, 2, 2). quality (scans, pads) follows.
+    their distance from the references to their covariances (scans, pads, 3, 3); where they have moved, what the load
+    does to them. quality (scans, pads) follows.
 
-    held: (scans, pads, 2, 2), see `HeldShift`. motion: (scans, pads), whether they have moved, whether they slip, and
-    the number of the excursion. slid: (pads,), the last one in which they slipped, brought up to date. rests: (scans,
-    pads), log odds of rest by the pattern. pitch_m: (pads,).
+    slid: (pads,), the last excursion in which they slipped, brought up to date. pitch_m: (pads,).
     """
-    moved, slipping, excursion = motion
+    origin_m, excursion = beside.origin_m, beside.excursion
     for scan in range(len(pose)):
         for pad in range(len(pitch_m)):
             x = pose[scan, pad, 0] - origin_m[scan, pad, 0]
             y = pose[scan, pad, 1] - origin_m[scan, pad, 1]
             if np.isnan(x):
                 continue
-            if slipping[scan, pad]:
+            if beside.slipping[scan, pad]:
                 slid[pad] = excursion[scan, pad]
-            own, more, most = covariance[scan, pad], shifted[scan, pad], (BLURRED * pitch_m[pad]) ** 2
+            own, more, most = covariance[scan, pad], beside.shifted[scan, pad], (BLURRED * pitch_m[pad]) ** 2
             xx, yy, xy = x * x, y * y, x * y
-            if moved[scan, pad]:
+            if beside.moved[scan, pad]:
                 xx, yy, xy = more[0, 0], more[1, 1], more[0, 1]
             elif slid[pad] != excursion[scan, pad]:
-                share = share_of_motion(x, y, own, rests[scan, pad], most)
+                share = share_of_motion(x, y, own, beside.rests[scan, pad], most)
                 pose[scan, pad, 0] = origin_m[scan, pad, 0] + share * x
                 pose[scan, pad, 1] = origin_m[scan, pad, 1] + share * y
-            more = held[scan, pad]
+            more = beside.held[scan, pad]
             xx, yy, xy = xx + more[0, 0], yy + more[1, 1], xy + more[0, 1]
             own[0, 0] += xx
             own[1, 1] += yy

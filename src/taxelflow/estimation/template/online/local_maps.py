@@ -254,9 +254,9 @@ class LocalMaps:
             own.shift_waiting(m.state - at)
         stepped = float(np.sum((reported_place(m, m.state) - place) ** 2))  # by so much one of the patterns is wrong
         new.slack[0] = max(new.slack[0], 0.5 * stepped)
-        if old.mature and has_own_frame(m):  # what is known well does not step
-            m.broken += 0.5 * stepped
         most = np.inf if new.anchor is None else new.anchor.variance
+        if old.mature and has_own_frame(m):  # what is known well does not step
+            m.broken = max(m.broken, min(m.broken + 0.5 * stepped, most))
         m.wander = min(m.wander, most)
         m.slack = new.slack[0] + new.unseen[0]
         self.go_on(pad)
