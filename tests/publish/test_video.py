@@ -36,7 +36,7 @@ def test_a_gif_holds_all_frames_at_their_rate(tmp_path: Path) -> None:
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
 def test_a_film_on_a_full_disk_is_no_film(tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
-    (tmp_path / "a.part.mp4").symlink_to("/dev/full")
+    (tmp_path / "a.mp4.part").symlink_to("/dev/full")
     with pytest.raises(OSError, match="No space left on device") as raised:
         write_video(iter(frames()), tmp_path / "a.mp4", 20.0)
     assert raised.value.filename == str(tmp_path / "a.mp4")

@@ -9,7 +9,8 @@ from contextlib import suppress
 from itertools import chain
 from typing import IO, TYPE_CHECKING, cast
 
-from taxelflow.errors import ExtraMissing, ParameterInvalid, written_at
+from taxelflow.errors import ExtraMissing, ParameterInvalid
+from taxelflow.runtime.whole_file import whole_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -39,16 +40,9 @@ def check_video(path: Path, option: str = "out") -> None:
 def write_video(frames: Iterable[Frame], path: Path, fps: float) -> int:
     """Write frames of one size, whole or not at all; return how many. Raises ParameterInvalid, ExtraMissing."""
     check_video(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.stem}.part{path.suffix}")  # ffmpeg knows the format by the suffix
     write = _write_gif if path.suffix.lower() == ".gif" else _write_mp4
-    try:
-        with written_at(path):
-            count = write(frames, part, fps)
-            part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
-    return count
+    with whole_file(path) as part:
+        return write(frames, part, fps)
 
 
 def _write_gif(frames: Iterable[Frame], path: Path, fps: float) -> int:
@@ -76,7 +70,7 @@ def _write_mp4(frames: Iterable[Frame], path: Path, fps: float) -> int:
     first = next(incoming)
     height, width = first.shape[:2]
     raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-")
-    made = ("-an", "-vcodec", "libx264", "-pix_fmt", "yuv420p", "-crf", _CRF)
+    made = ("-an", "-vcodec", "libx264", "-pix_fmt", "yuv420p", "-crf", _CRF, "-f", "mp4")
     command = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "quiet", *raw, *made, str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True) as ffmpeg:  # Ctrl-C is for us
         try:
