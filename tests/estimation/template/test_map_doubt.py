@@ -68,8 +68,9 @@ def whole_covariance(pattern: Pattern, scanned: Scanned, states: Floats, precisi
 
 def test_it_is_what_the_whole_problem_has_beyond_a_known_map() -> None:
     pattern, scanned, states, precision = sliding(12)
-    held = np.linalg.inv(linearised(pattern, scanned, states, ERROR, precision).normal.blocks)
-    added = of_map(pattern, scanned, states, ERROR, precision)
+    linear = linearised(pattern, scanned, states, ERROR, precision)
+    held = np.linalg.inv(linear.normal.blocks)
+    added = of_map(linear, precision)
     whole = whole_covariance(pattern, scanned, states, precision)[:, :4, :4]
     assert (held + added)[:, :4, :4] == pytest.approx(whole, rel=1e-4, abs=1e-9)
     assert (np.diagonal(added, axis1=1, axis2=2)[:, :2].mean(axis=0) > 0).all()
@@ -77,7 +78,8 @@ def test_it_is_what_the_whole_problem_has_beyond_a_known_map() -> None:
 
 def test_a_turn_that_is_held_has_none() -> None:
     pattern, scanned, states, _ = sliding(6)
-    added = of_map(pattern, scanned, states, ERROR, scanned.precision(turns=False, gain_std=0.1))
+    held = scanned.precision(turns=False, gain_std=0.1)
+    added = of_map(linearised(pattern, scanned, states, ERROR, held), held)
     assert (added[:, 2] == 0).all()
     assert (added[:, 0, 0] != 0).all()
 
@@ -85,7 +87,15 @@ def test_a_turn_that_is_held_has_none() -> None:
 def test_of_very_many_scans_and_knots_the_map_is_held_known(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(map_doubt, "_MOST", 100)
     pattern, scanned, states, precision = sliding(6)
-    assert not of_map(pattern, scanned, states, ERROR, precision).any()
+    assert not of_map(linearised(pattern, scanned, states, ERROR, precision), precision).any()
+
+
+def test_the_information_of_the_scans_stays_as_it_is() -> None:
+    pattern, scanned, states, precision = sliding(6)
+    linear = linearised(pattern, scanned, states, ERROR, precision)
+    before = linear.normal.blocks.copy()
+    of_map(linear, precision)
+    np.testing.assert_array_equal(linear.normal.blocks, before)
 
 
 def test_poses_have_it_and_steps_between_them_do_not() -> None:

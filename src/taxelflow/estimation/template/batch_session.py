@@ -79,21 +79,23 @@ def _on_one_map(solved: Solved, scanned: Scanned, pitch_m: float, unseen_error: 
     precision = state_precision(solved, scanned)
     whole, level = with_depth(solved.states, solved.depth), scanned.amplitude if solved.heights else 0.0
 
-    def information(error: float) -> tuple[Floats, Floats]:
-        """(scans, 5, 5), of the states, blurred by errors of the readings, without the tilt; and the step by it."""
-        own = linearised(solved.pattern, scanned, whole, error, precision, level).normal.blocks
-        return without_tilt(own, solved.pattern, scanned, solved.states, error, unseen_error)
+    def information(error: float) -> tuple[Floats, Floats, Floats | None]:
+        """(scans, 5, 5), of the states, blurred by errors of the readings, without the tilt; the step by it; and the
+        map's part of the covariance, None where unseen errors outweigh it.
+        """
+        linear = linearised(solved.pattern, scanned, whole, error, precision, level)
+        own, step = without_tilt(linear.normal.blocks, solved.pattern, scanned, solved.states, error, unseen_error)
+        return own, step, None if unseen_error else of_map(linear, precision)
 
-    blurred, step = information(max(solved.error, unseen_error))
+    blurred, step, by_map = information(max(solved.error, unseen_error))
     poses = _bridged(poses_of(replace(solved, states=solved.states + step), scanned, blurred, pitch_m), scanned)
-    if unseen_error:
+    if by_map is None:
         if whole_contact:
-            poses = poses.with_noise(information(solved.error)[0], solved, scanned, pitch_m)
+            sharp = blurred if solved.error >= unseen_error else information(solved.error)[0]
+            poses = poses.with_noise(sharp, solved, scanned, pitch_m)
         poses = poses.doubted(solved.rival, pitch_m)
-    else:
-        by_map = of_map(solved.pattern, scanned, whole, solved.error, precision, level)
-        if by_map.any():
-            poses = poses.with_map(by_map, solved, scanned, pitch_m)
+    elif by_map.any():
+        poses = poses.with_map(by_map, solved, scanned, pitch_m)
     return poses.doubted(solved.growth, pitch_m)
 
 

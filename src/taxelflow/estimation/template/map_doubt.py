@@ -17,30 +17,28 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csr_array
 
-from taxelflow.estimation.template.bundle_adjustment import linearised
 from taxelflow.numerics.banded import WIDTH, add_diagonal, upper
 from taxelflow.numerics.bspline import KNOTS, STATE, pose_part
 from taxelflow.numerics.rounding import NEGLIGIBLE
 
 if TYPE_CHECKING:
-    from taxelflow.estimation.template.map import Pattern
+    from taxelflow.estimation.template.bundle_adjustment import Linear
     from taxelflow.estimation.template.normal_equations import Normal
-    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
 _MOST = 2_000_000
 """Scans times knots at most: beyond, the map's error is neglected, because many scans determine it well."""
 
 
-def of_map(
-    pattern: Pattern, scanned: Scanned, states: Floats, error: float, precision: Floats, level: float = 0.0
-) -> Floats:
-    """(scans, 5, 5), the part of the states' covariance by the error of the map. Arguments as for `refine`."""
-    scans, knots = len(states), pattern.coefficients.size
+def of_map(linear: Linear, precision: Floats) -> Floats:
+    """(scans, 5, 5), the part of the states' covariance by the error of the map.
+
+    linear: from `linearised` with this precision; the equations of its map get their priors, and serve once.
+    """
+    scans, knots = len(linear.normal.blocks), len(linear.normal.right)
     if scans * knots > _MOST:
         return np.zeros((scans, STATE, STATE))
-    fixed = np.isinf(precision)
-    linear = linearised(pattern, scanned, states, error, precision, level)
+    fixed, pattern = np.isinf(precision), linear.pattern
     linear.regularise()
     normal = linear.normal
     add_diagonal(normal.stencil, NEGLIGIBLE * normal.stencil.max())
