@@ -28,7 +28,7 @@ def scan(x: float, radius: float = 2.3) -> Scan:
 
 
 def taxels(tilt: float = 0.05) -> Taxels:
-    return Taxels(0, 0, PLACES_ON_PAD, np.ones(81), np.ones(3), 0.2, tilt)
+    return Taxels(0, 0, PLACES_ON_PAD, np.ones(81), np.ones(3), tilt)
 
 
 def track(x: float = 0.0) -> Any:

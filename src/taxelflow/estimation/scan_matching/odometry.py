@@ -50,7 +50,7 @@ from taxelflow.estimation.scan_matching.uncertainty import (
 from taxelflow.estimation.scan_matching.witness import contradicts
 from taxelflow.messages import AMBIGUOUS, LOST, NO_POSE, UNRESOLVED, Bools, Floats
 from taxelflow.numerics.bspline import STATE, State, put
-from taxelflow.numerics.centroid import loaded_centroid
+from taxelflow.numerics.centroid import CELL_ERROR, loaded_centroid
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.rounding import NEGLIGIBLE, OBSERVABLE
@@ -174,7 +174,8 @@ def advance(
             chi, misfit, freedom = linearize(surface, points, fit)
             excess = max(1.0, chi / freedom)
     gains(fit, turns, g)
-    drift(g, points, taxels.share, fit.state, track.drift)
+    share = CELL_ERROR if taxels.tilt > 0.0 else 0.0
+    drift(g, points, share, fit.state, track.drift)
     own = covariance(g, points, excess)
     if begins:
         for a in range(3):
@@ -185,7 +186,7 @@ def advance(
         earlier = np.zeros((3, len(now)))
         earlier_gains(spline, surface.lattice, points, fit.state, g, earlier)
         propagate(own, earlier, last, track, step_matrix)
-        add_step(fit.state, hidden_shares(fit, points, taxels.share), track)
+        add_step(fit.state, hidden_shares(fit, points, share), track)
         out.span_s[k, pad] = block.t_s[k] - track.t_s
         write_step(fit.state, turns, taxels.units, out.displacement[k, pad], step_matrix)
     shows_turn = track.yaw == YAW_OBSERVABLE or (begins and turns)

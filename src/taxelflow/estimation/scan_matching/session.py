@@ -11,7 +11,6 @@ from taxelflow.estimation.scan_matching.odometry import Block, Steps, follow
 from taxelflow.estimation.scan_matching.track import Last, Taxels, Track
 from taxelflow.messages import Estimates, Scans
 from taxelflow.numerics.blas import on_one_core
-from taxelflow.numerics.centroid import CELL_ERROR
 from taxelflow.numerics.records import records
 from taxelflow.runtime.settled import Settled
 
@@ -35,7 +34,6 @@ class RegistrationSession:
         self._layout = layout
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         self._places = np.stack([layout.x_m, layout.y_m]) / np.repeat(self._pitch_m, np.diff(layout.starts))
-        self._share = CELL_ERROR if layout.unseen_error else 0.0
         self._noise: Floats | None = None
         self._pads: list[_Pad] = []
         self._tracks = records(Track, len(layout.pads))
@@ -45,7 +43,7 @@ class RegistrationSession:
     def step(self, scans: Scans) -> Estimates:
         """Estimates of all pads; see `EstimatorSession.step`."""
         unseen = np.zeros((*scans.contact.shape, 3, 3))  # the kernel has one type for all sensors
-        estimates = Estimates.unknown(scans, unseen if self._share else None)
+        estimates = Estimates.unknown(scans, unseen if self._layout.unseen_error else None)
         noise = scans.noise
         if noise is not self._noise and (self._noise is None or not np.array_equal(noise, self._noise)):
             self._learn(noise)
@@ -78,8 +76,8 @@ class RegistrationSession:
         for number, name in enumerate(layout.pads):
             own = layout.of_pad(number)
             places, pitch_m = np.ascontiguousarray(self._places[:, own]), self._pitch_m[number]
-            units, errors = np.array([pitch_m, pitch_m, 1.0]), (self._share, layout.unseen_error)
-            taxels = Taxels(number, own.start, places, noise[own], units, *errors)
+            units = np.array([pitch_m, pitch_m, 1.0])
+            taxels = Taxels(number, own.start, places, noise[own], units, layout.unseen_error)
             with on_one_core():
                 spline = Interpolant.of(name, places, noise[own] ** 2)
             if known:

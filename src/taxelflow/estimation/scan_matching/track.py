@@ -20,8 +20,7 @@ them, by 1 % for waves of six pitches and 4 % for waves of four."""
 
 class Taxels(NamedTuple):
     """Of one pad: its number, its first entry, places (2, taxels) in pitches, noise (taxels,), and the units (3,) of a
-    pose in m, m, rad. share: of a reading, its standard deviation by what the sensor does not show; tilt: its unseen
-    error, see `Layout`.
+    pose in m, m, rad. tilt: the sensor's unseen error, see `Layout`.
     """
 
     pad: int
@@ -29,7 +28,6 @@ class Taxels(NamedTuple):
     places: Floats
     noise: Floats
     units: Floats
-    share: float
     tilt: float
 
 
