@@ -18,12 +18,12 @@ from taxelflow.numerics.records import records, unknown
 from taxelflow.pipeline.warmup import made_up
 from taxelflow.runtime.blocks import is_block
 from taxelflow.sensors.border import border_of, mark_border, mark_border_block
+from taxelflow.slip.decision import Flags, decide, decide_block
 from taxelflow.slip.detector import has_flips
 from taxelflow.slip.measurement import observations
 from taxelflow.slip.session import has_flips_in_block
 from taxelflow.slip.slip_rows import MOST_ROWS, Progress, hold_block, hold_scans
 from taxelflow.slip.slip_rows import Row as SlipRow
-from taxelflow.slip.verdict import decide, decide_block
 
 PADS = 4
 SEEDS = pytest.mark.parametrize("seed", range(8))
@@ -138,7 +138,7 @@ def test_slips_are_carried(seed: int, textured: bool) -> None:
 @SEEDS
 def test_verdicts_are_reached(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    flags: Any = tuple(rng.random((40, PADS)) < share for share in (0.5, 0.2, 0.2, 0.9, 0.3, 0.6, 0.5))
+    flags = Flags(*(rng.random((40, PADS)) < share for share in (0.5, 0.2, 0.2, 0.9, 0.3, 0.6, 0.5)))
     odds = rng.normal(-2.0, 3.0, (2, 40, PADS))
     odds[1, rng.random((40, PADS)) < 0.1] = np.nan
     since_s = np.where(rng.random((40, PADS)) < 0.2, np.inf, -np.inf)

@@ -8,8 +8,9 @@ import pytest
 from taxelflow.messages import AMBIGUOUS, OK, UNRESOLVED, Event, Slips
 from taxelflow.sensors.pads import Group, Pad, Patch
 from taxelflow.sensors.sensor import Sensor, with_contacts
+from taxelflow.slip.decision import find_vague
 from taxelflow.slip.odds import AGAINST, Odds
-from taxelflow.slip.verdict import Posed, Verdict, find_vague, pads_of_groups
+from taxelflow.slip.verdict import Posed, Verdict, pads_of_groups
 
 PALM = Pad("palm", rows=4, cols=4, pitch_m=(0.004, 0.004))
 THUMB = Pad("thumb", rows=2, cols=2, pitch_m=(0.004, 0.004))

@@ -18,16 +18,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.messages import AMBIGUOUS, OK, QUALITY, Event
+from taxelflow.messages import OK, QUALITY, Event
 from taxelflow.runtime.blocks import is_block
-from taxelflow.runtime.compiling import kernel
-from taxelflow.slip.odds import AGAINST, LIVE_DELAY_S
+from taxelflow.slip.decision import Flags, decide, decide_block, find_vague
+from taxelflow.slip.odds import LIVE_DELAY_S
 from taxelflow.slip.suspicion import Suspicion
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.messages import Bools, Bytes, Floats, Slips
+    from taxelflow.messages import Bools, Floats, Slips
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.odds import Odds
 
@@ -54,104 +54,6 @@ def pads_of_groups(layout: Layout) -> NDArray[np.int64]:
             own = layout.of_pad(int(pads[0]))
             whole[group] = pads[0] if len(taxels) < own.stop - own.start else -1
     return whole
-
-
-def decide_block(
-    flags: tuple[Bools, Bools, Bools, Bools, Bools, Bools, Bools],
-    whole: NDArray[np.int64],
-    log_odds: tuple[Floats, Floats],
-    since_s: Floats,
-    last: Bools,
-    last_by_odds: Bools,
-    final: Bools,
-    by_odds: Bools,
-) -> bool:
-    """`decide` in NumPy."""
-    slipping, begins, agreed, contact, restless, sure, vague = flags
-    now, soon = log_odds
-    judged = np.where(restless, now > 0.0, slipping)
-    doubted = ((vague & (soon < AGAINST)) | (since_s == np.inf)) & ~restless
-    rests = np.zeros_like(final)
-    for pad, part_of in enumerate(whole.tolist()):  # pads come before their groups
-        if part_of >= 0:
-            rests[:, pad] = sure[:, part_of] & ~final[:, part_of]
-        slips = (judged[:, pad] | agreed[:, pad]) & contact[:, pad] & ~rests[:, pad]
-        believed = slips & (agreed[:, pad] | ~doubted[:, pad])
-        believed[:1] |= slips[:1] & last[:, pad] & ~begins[:1, pad]
-        since = np.maximum(_latest(~slips) + 1, _latest(begins[:, pad]))
-        final[:, pad] = slips & (_latest(believed) >= since)
-    was = np.concatenate([last, final])[:-1]
-    by_odds[...] = restless | agreed | rests | (slipping & doubted & (begins | ~was))
-    changed = final != was
-    return bool((changed & (by_odds | np.concatenate([last_by_odds, by_odds])[:-1])).any())
-
-
-def _latest(flags: Bools) -> NDArray[np.int64]:
-    """(scans,), number of the latest scan up to each that has the flag; -1 if none has."""
-    latest: NDArray[np.int64] = np.maximum.accumulate(np.where(flags, np.arange(len(flags)), -1))
-    return latest
-
-
-@kernel
-def decide(
-    flags: tuple[Bools, Bools, Bools, Bools, Bools, Bools, Bools],
-    whole: NDArray[np.int64],
-    log_odds: tuple[Floats, Floats],
-    since_s: Floats,
-    last: Bools,
-    last_by_odds: Bools,
-    final: Bools,
-    by_odds: Bools,
-) -> bool:
-    """Fill what slips, and whether others than its pose decide it, (scans, pads) each; whether they change anything.
-
-    flags: (scans, pads), slipping by the pose, where such a slip begins, agreed, contact, restless, whether the pose of
-    a pad's only contact is `ok`, and whether a pose has another quality. whole: (pads,), see `pads_of_groups`.
-    log_odds: of now, and the highest within the time that a slip takes to show; (scans, pads) each. since_s: (scans,
-    pads), see `ShiftingLoad.step`; at inf no slip begins by its pose. last, last_by_odds: (1, pads), before.
-    """
-    slipping, begins, agreed, contact, restless, sure, vague = flags
-    now, soon = log_odds
-    changes = False
-    for scan in range(final.shape[0]):
-        for pad in range(final.shape[1]):
-            was, by = last[0, pad], last_by_odds[0, pad]
-            if scan > 0:
-                was, by = final[scan - 1, pad], by_odds[scan - 1, pad]
-            judged = now[scan, pad] > 0.0 if restless[scan, pad] else slipping[scan, pad]
-            unsure = slipping[scan, pad] and not restless[scan, pad] and (begins[scan, pad] or not was)
-            doubted = vague[scan, pad] and soon[scan, pad] < AGAINST
-            unsure = unsure and (doubted or since_s[scan, pad] == np.inf)
-            judged = judged and not unsure
-            part_of = whole[pad]  # pads come before their groups
-            rests = part_of >= 0 and sure[scan, part_of] and not final[scan, part_of]
-            final[scan, pad] = (judged or agreed[scan, pad]) and contact[scan, pad] and not rests
-            by_odds[scan, pad] = restless[scan, pad] or agreed[scan, pad] or rests or unsure
-            changes |= final[scan, pad] != was and (by or by_odds[scan, pad])
-    return changes
-
-
-@kernel
-def find_vague(
-    quality: Bytes, border: Bools, contact: Bools, in_part: Bools, visible: Bools, judged: bool, vague: Bools
-) -> bool:
-    """Fill vague (scans, pads), poses that need their pattern's consent, of a stream; whether its method judges poses
-    of cut contacts by now.
-
-    quality, contact: (scans, pads). border: (scans, pads, 2). in_part: (pads,), groups with a part of a pad. visible:
-    (scans or 1, pads), slips that began early enough for their pattern to show them. judged: the answer so far.
-    """
-    scans, pads = quality.shape
-    for scan in range(scans):
-        for pad in range(pads):
-            cut = border[scan, pad, 0] or border[scan, pad, 1]
-            judged |= cut and contact[scan, pad] and quality[scan, pad] == OK
-        for pad in range(pads):
-            cut = border[scan, pad, 0] or border[scan, pad, 1]
-            by_border = cut and quality[scan, pad] == AMBIGUOUS and not judged
-            waits = in_part[pad] or visible[min(scan, len(visible) - 1), pad]
-            vague[scan, pad] = quality[scan, pad] > OK and (not by_border or waits)
-    return judged
 
 
 class Verdict:
@@ -190,7 +92,7 @@ class Verdict:
             own.setdefault((scan, pad), []).append(event)
             begins[scan, pad] |= event.event == "slip_start"
         judged = self._sure(slips), self._vague(slips, events)
-        flags = (posed.slipping, begins, posed.agreed, slips.contact, odds.restless, *judged)
+        flags = Flags(posed.slipping, begins, posed.agreed, slips.contact, odds.restless, *judged)
         last, last_by_odds = self._slipping, self._by_odds
         decide_ = decide_block if is_block(len(slips), decide) else decide
         log_odds = decisive, odds.soon
