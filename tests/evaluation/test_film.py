@@ -86,6 +86,32 @@ def test_pressure_and_arrows_appear_while_the_object_slides(film: Film) -> None:
     assert (slip[..., 0] < 120).sum() > (rest[..., 0] < 120).sum() + 500  # dark blue taxels
 
 
+def dark(frame: Frame) -> int:
+    """Pixels of taxels under load, left of the words and above the load, without the names of the pads."""
+    hand = frame[: int(0.6 * frame.shape[0]), : int(0.7 * frame.shape[1])].astype(int)
+    return int((hand[..., 2] - hand[..., 0] > 40).sum())
+
+
+def test_a_part_in_which_nothing_is_touched_looks_idle(film: Film, result: Path) -> None:
+    idle = gathered(result, fps=2.0, speed=1.0, from_s=0.0, to_s=1.0)
+    assert (idle.darkest, idle.heaviest) == (film.darkest, film.heaviest)
+    assert not idle.events
+    assert dark(drawn(idle, idle.zero_s + 0.5)) == 0 < dark(drawn(film, film.zero_s + 6.0))
+
+
+def test_a_recording_in_which_nothing_is_touched_looks_idle(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).normal(0.0, 100.0, (140, 28))
+    np.savez(tmp_path / "a.npz", t=np.arange(140) / 20, pressure=noise)
+    result = estimated(tmp_path / "a.npz", tmp_path / "result", "--sensor", "grid:4x7@10mm")
+    film = gathered(result, fps=2.0, speed=1.0, from_s=0.0, to_s=None)
+    assert dark(drawn(film, film.zero_s + 3.0)) == 0
+    with styled():
+        _, axis = plt.subplots()
+        draw_load(axis, film)
+    assert axis.get_legend() is None
+    plt.close("all")
+
+
 def test_events_are_reported_when_they_come(film: Film) -> None:
     before, after = (drawn(film, film.events[0].t_s + gap) for gap in (-0.01, 0.01))
     words = np.s_[: int(0.6 * before.shape[0]), int(0.75 * before.shape[1]) :]

@@ -12,6 +12,7 @@ from taxelflow.evaluation.source import conditioned_blocks, source_of
 from taxelflow.numerics.clock import SAME_S
 from taxelflow.publish.plots.film import Film, film_frames, on_one_plane
 from taxelflow.publish.plots.hand import at_contacts
+from taxelflow.publish.plots.sizes import FILM
 from taxelflow.publish.plots.style import look, styled
 from taxelflow.publish.results import read_events, read_result
 from taxelflow.publish.video import check_video, write_video
@@ -58,7 +59,7 @@ def gathered(directory: Path, *, fps: float, speed: float, from_s: float, to_s: 
         raise SourceMissing(directory, ran.input)
     frames_s = _frame_times(ran, fps, speed, from_s, to_s)
     layout = on_one_plane(ran.layout.layout)
-    when, pressure = _pressures(ran, recording, frames_s)
+    when, pressure, peaks = _pressures(ran, recording, frames_s)
     own = {track.pad: track for track in tracks}
     ordered = [own[pad] for pad in layout.pads]
     rows = np.searchsorted(ordered[0].numbers["t_s"], when - SAME_S)
@@ -71,6 +72,8 @@ def gathered(directory: Path, *, fps: float, speed: float, from_s: float, to_s: 
     for k, scan in enumerate(pressure):
         places[k], vectors[k] = at_contacts(layout, pose[k], velocity[k], scan)
     vectors[:, ~layout.independent] = np.nan
+    heaviest = max(float(np.nanmax(track.numbers["load_pa"], initial=0.0)) for track in ordered[: layout.pad_count])
+    darkest = float(np.quantile(peaks, 0.99)) if len(peaks) else float(pressure.max()) / FILM.idle
     title = f"{ran.layout.name}, {look(ran.method)['label']}" + (f", {speed:g} x" if speed != 1.0 else "")
     return Film(
         title,
@@ -84,6 +87,8 @@ def gathered(directory: Path, *, fps: float, speed: float, from_s: float, to_s: 
         [event for event in read_events(directory) if frames_s[0] - SAME_S <= event.t_s <= frames_s[-1] + SAME_S],
         frames_s,
         ran.t_first_s,
+        darkest or 1.0,
+        (heaviest if len(peaks) else heaviest / FILM.idle) or 1.0,
         ran.unit,
     )
 
@@ -106,13 +111,17 @@ def _frame_times(ran: Summary, fps: float, speed: float, from_s: float, to_s: fl
     return times_s
 
 
-def _pressures(ran: Summary, recording: Recording, frames_s: Floats) -> tuple[Floats, Floats]:
-    """Times (n,) and pressure (n, entries) of the scans from the last before the first frame to the last frame."""
+def _pressures(ran: Summary, recording: Recording, frames_s: Floats) -> tuple[Floats, Floats, Floats]:
+    """Times (n,) and pressure (n, entries) of the scans from the last before the first frame to the last frame; and the
+    largest pressure of each scan in contact, of the whole recording: beside it an idle part looks idle.
+    """
     times: list[Floats] = []
     kept: list[Floats] = []
+    peaks: list[Floats] = []
     for scans in conditioned_blocks(ran, recording):
+        peaks.append(scans.pressure[scans.contact.any(axis=1)].max(axis=1))
         if scans.t_s[0] > frames_s[-1]:
-            break
+            continue
         if scans.t_s[-1] < frames_s[0]:
             times, kept = [scans.t_s[-1:]], [scans.pressure[-1:].copy()]
             continue
@@ -122,4 +131,4 @@ def _pressures(ran: Summary, recording: Recording, frames_s: Floats) -> tuple[Fl
         )
         times.append(scans.t_s[shown])
         kept.append(scans.pressure[shown].copy())
-    return np.concatenate(times), np.concatenate(kept)
+    return np.concatenate(times), np.concatenate(kept), np.concatenate(peaks)

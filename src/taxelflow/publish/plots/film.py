@@ -49,7 +49,8 @@ class Film:
 
     t_s: (n,). pressure: (n, taxels). places, vectors: (n, pads, 2) in the hand frame of `layout`, m and m/s, NaN where
     there is no slip vector. slipping: (n, pads). load: (n, pads). events: all of these times. frames_s: times of the
-    frames; zero_s: the time that is shown as 0. unit: of the pressure.
+    frames; zero_s: the time that is shown as 0. darkest, heaviest: pressure that is drawn darkest, and load that is
+    100 %, by the contacts of the whole recording. unit: of the pressure.
     """
 
     title: str
@@ -63,6 +64,8 @@ class Film:
     events: list[Event]
     frames_s: Floats
     zero_s: float
+    darkest: float
+    heaviest: float
     unit: str = "Pa"
 
 
@@ -129,16 +132,15 @@ def _sheet(film: Film) -> tuple[Figure, Axes, Axes, Axes]:
 
 
 def draw_load(axis: Axes, film: Film) -> None:
-    """Load of the busiest pads against time, in % of the largest, over the slips of all pads."""
+    """Load of the busiest pads against time, in % of the recording's largest, over the slips of all pads."""
     pads = np.arange(film.layout.pad_count)
     busiest = sorted(pads, key=lambda pad: -float(np.nanmax(film.load[:, pad], initial=0.0)))[: FILM.lines]
-    most = float(np.nanmax(film.load[:, busiest], initial=0.0)) or 1.0
     touched = {event.pad for event in film.events}
     t_s = film.t_s - film.zero_s
     for first, stop in spans(np.logical_or.reduce(film.slipping, axis=1)):
         axis.axvspan(t_s[max(first - 1, 0)], t_s[stop - 1], color=SLIP, linewidth=0, zorder=0)
     for pad, colour in zip(busiest, _COLOURS, strict=False):
-        name, share = film.layout.pads[pad], film.load[:, pad] / most
+        name, share = film.layout.pads[pad], film.load[:, pad] / film.heaviest
         if name in touched or np.nanmax(share, initial=0.0) > FILM.idle:
             axis.plot(t_s, 100 * share, color=colour, linewidth=1.0, label=name)
     axis.set_xlim(film.frames_s[0] - film.zero_s, max(film.frames_s[-1], film.frames_s[0] + 1e-3) - film.zero_s)
@@ -161,7 +163,6 @@ class _Moving:
         shapes = [shape for pad in placed for shape in on_hand_mm(layout, pad)]
         self._taxels = draw_taxels(hand, shapes, cmap="Blues", animated=True)
         self._taxels.set_clim(-0.08, 1.3)
-        self._top = float(np.quantile(film.pressure.max(axis=1), 0.99)) or 1.0
         self._shafts, self._heads = LineCollection([], linewidths=2.0), PolyCollection([])
         for arrows in (self._shafts, self._heads):
             arrows.set_animated(True)
@@ -187,8 +188,8 @@ class _Moving:
         tip = (x + 1e-3 * speed * FILM.longest * self._wide_mm / self._fastest, y)
         draw_arrow(hand, (x, y), tip, VERMILION, 2.0)
         hand.annotate(f"{speed:g} mm/s", (x, y), (0, 4), textcoords="offset points", fontsize=7)
-        scale, unit = pressure_unit(self._film.unit, self._top)
-        shade = f"pressure: darkest at {three_digits(self._top / scale)} {unit} or more"
+        scale, unit = pressure_unit(self._film.unit, self._film.darkest)
+        shade = f"pressure: darkest at {three_digits(self._film.darkest / scale)} {unit} or more"
         seen = "arrows: orange where the pad slips, else grey"
         words.text(0, 0.0, f"{shade}\n{seen}", fontsize=7, color=INK, linespacing=1.4)
 
@@ -196,7 +197,7 @@ class _Moving:
         """Axes and artists to draw at a time."""
         film, (hand, load, words) = self._film, self._axes
         k = max(int(np.searchsorted(film.t_s, t_s, side="right")) - 1, 0)
-        self._taxels.set_array(np.clip(film.pressure[k] / self._top, 0.0, 1.0))
+        self._taxels.set_array(np.clip(film.pressure[k] / film.darkest, 0.0, 1.0))
         self._set_arrows(k)
         self._now.set_xdata([t_s - film.zero_s])
         self._clock.set_text(f"{t_s - film.zero_s:7.2f} s")
