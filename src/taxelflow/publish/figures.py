@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.publish.pictures import FORMATS, pictures_in, safe
 from taxelflow.publish.plots.hand import Moment, field_figure
 from taxelflow.publish.plots.path import path_figure
 from taxelflow.publish.plots.pattern import Contact, pattern_figure
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
 
-_FORMATS = ("svg", "png", "pdf")
 _FIELD_CAPTION = (
     "Slip vectors on the hand laid flat, at moments when the most pads slip: orange where the pad slips, grey where it "
     "does not; + is the centre of rotation. Taxels are shaded by pressure where the recording is at hand."
@@ -95,8 +94,8 @@ def draw_results(pictures: Pictures, out: Path, form: str) -> list[Path]:
     `field-METHOD`, and `patterns-METHOD` if several were learned; `views`. Raises ParameterInvalid,
     ExtraMissing.
     """
-    if form not in _FORMATS:
-        raise ParameterInvalid("format", form, f"be {', '.join(_FORMATS[:-1])} or {_FORMATS[-1]}")
+    if form not in FORMATS:
+        raise ParameterInvalid("format", form, f"be {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
     made: list[Path] = []
     with styled():
         for stem, figure in _figures(pictures):
@@ -109,13 +108,9 @@ def remove_older(directory: Path, made: Sequence[Path], pads: Iterable[str], met
     the format of the ones made now, and in any other if a table of the result is newer.
     """
     forms, tables = {path.suffix for path in made}, [path.stat().st_mtime for path in directory.glob("*.csv")]
-    stems = {"views", *(f"{kind}-{pad}" for kind in ("position", "pattern") for pad in pads)}
-    stems |= {f"{kind}-{method}" for kind in ("path", "field", "patterns") for method in methods}
-    safe = "|".join(re.escape(_safe(stem)) for stem in stems)
-    for path in directory.iterdir():
-        if path in made or not re.fullmatch(rf"({safe})(-\d+)?\.({'|'.join(_FORMATS)})", path.name):
-            continue
-        if path.suffix in forms or path.stat().st_mtime < max(tables, default=0.0):
+    for path in pictures_in(directory, pads, methods):
+        older = path.suffix in forms or path.stat().st_mtime < max(tables, default=0.0)
+        if older and path not in made:
             path.unlink()
 
 
@@ -147,8 +142,8 @@ def draw_sensors(sensors: Sequence[Sensor], out: Path) -> list[Path]:
     Raises ParameterInvalid, ExtraMissing.
     """
     form = out.suffix.removeprefix(".")
-    if form and (form not in _FORMATS or len(sensors) > 1):
-        raise ParameterInvalid("plot", str(out), f"be a directory, or a file that ends in .{' or .'.join(_FORMATS)}")
+    if form and (form not in FORMATS or len(sensors) > 1):
+        raise ParameterInvalid("plot", str(out), f"be a directory, or a file that ends in .{' or .'.join(FORMATS)}")
     made: list[Path] = []
     with styled():
         for sensor in sensors:
@@ -159,12 +154,8 @@ def draw_sensors(sensors: Sequence[Sensor], out: Path) -> list[Path]:
 
 def _free(out: Path, stem: str, form: str, made: Sequence[Path]) -> Path:
     """A file for a picture: inside `out` whatever the pad's name is, and none of those made before."""
-    names = (f"{_safe(stem)}{suffix}.{form}" for suffix in ("", *(f"-{number}" for number in range(2, len(made) + 3))))
+    names = (f"{safe(stem)}{suffix}.{form}" for suffix in ("", *(f"-{number}" for number in range(2, len(made) + 3))))
     return next(out / name for name in names if out / name not in made)
-
-
-def _safe(stem: str) -> str:
-    return re.sub(r"[^\w .,+@=-]", "_", stem)
 
 
 def strokes_of(t_s: Floats, pose: Floats) -> list[tuple[float, float]]:

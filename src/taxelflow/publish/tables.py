@@ -21,6 +21,7 @@ from taxelflow.publish.columns import (
 )
 from taxelflow.publish.patterns import NAME as PATTERNS
 from taxelflow.publish.patterns import write_patterns
+from taxelflow.publish.pictures import pictures_of
 from taxelflow.publish.spatial import COLUMNS, spatial_values
 from taxelflow.publish.spatial import NAME as SPATIAL
 from taxelflow.publish.summary import to_json
@@ -42,9 +43,9 @@ FILES = (*(f"{name}.csv" for name in _COLUMNS), PATTERNS, "summary.json")
 class Tables:
     """Writes a run's messages to a directory, block by block; a context that renames the files if all went well.
 
-    If it ends by an exception, the rows written so far stay in the `.part` files. opened: how these are opened.
-    flushes_first: write the headers at once, so that a full disk is found before the work; not for files that wait for
-    room.
+    If it ends by an exception, the rows written so far stay in the `.part` files. A result that was there before is
+    removed with its pictures. opened: how these are opened. flushes_first: write the headers at once, so that a full
+    disk is found before the work; not for files that wait for room.
     """
 
     def __init__(
@@ -69,8 +70,8 @@ class Tables:
             with suppress(OSError):  # closing a file on a full disk fails again
                 self._stack.close()
             raise
-        for older in FILES:
-            (self.directory / older).unlink(missing_ok=True)  # what stands here after a failure is of this run
+        for older in (*pictures_of(self.directory), *(self.directory / name for name in FILES)):
+            older.unlink(missing_ok=True)  # what stands here after a failure is of this run
         return self
 
     def _open(self) -> None:
