@@ -39,7 +39,8 @@ def test_a_pad_as_one_contact_keeps_its_scans_and_is_found_to_move_apart() -> No
     contacts = session(GRID)
     segmented = contacts.step(given)
     assert segmented.scans is given
-    assert segmented.unfit[-1].tolist() == [True]
+    assert segmented.moved_apart[-1].tolist() == segmented.unfit[-1].tolist() == [True]
+    assert not segmented.remembered.any()
     assert len(contacts.notes) == 1
     assert segmented.contacts.force[:, 0] == pytest.approx(given.pressure.sum(axis=1) * 0.004**2)
 
@@ -58,6 +59,15 @@ def test_split_contacts_hold_their_own_taxels_and_are_described_by_them() -> Non
     np.testing.assert_allclose(first + second, whole, rtol=1e-3)
     np.testing.assert_allclose(segmented.contacts.centroid[:, 1, 0], -0.02, atol=2e-4)
     np.testing.assert_allclose(segmented.contacts.centroid[-1, 2, 0], 0.02, atol=2e-4)
+
+
+def test_what_a_skin_may_remember_is_unfit_and_is_no_motion_of_contacts() -> None:
+    left = np.where(np.arange(SCANS) < 30, 1.0, 0.05)  # a load that goes, and what is left of it
+    contacts = session(GRID)
+    segmented = contacts.step(scans_of(GRID, left[:, np.newaxis] * dome(GRID, 0.0, radius_m=0.003), noise=NOISE))
+    assert segmented.remembered[:, 0].tolist() == segmented.unfit[:, 0].tolist() == [k >= 30 for k in range(SCANS)]
+    assert not segmented.moved_apart.any()
+    assert contacts.notes == ["scans without an ok pose, as the skin may remember a load that has left: 10 of pad0"]
 
 
 @pytest.mark.parametrize("split", [1, 2])

@@ -59,6 +59,7 @@ class RigidityMonitor:
         """
         self._layout = layout
         self._single = True
+        self._scans = np.zeros(len(layout.pads), dtype=np.int64)
         pads = np.setdiff1d(np.arange(layout.pad_count), layout.contact_of)
         self._tracker = ContactTracker(layout, pads, np.full(len(pads), _SLOTS), on, off) if len(pads) else None
         self._memory = Memory(
@@ -79,13 +80,14 @@ class RigidityMonitor:
 
     @property
     def notes(self) -> list[str]:
-        """A sentence for each pad on which contacts have moved apart."""
-        names = [self._layout.pads[pad] for pad in self._memory.pads["pad"]]
+        """A sentence for each pad on which contacts have moved apart, with the number of its scans since."""
+        own = self._memory.pads[self._memory.pads["change_m"] > 0.0]
         return [
             f"{name}: contacts moved apart or together by {1e3 * change_m:.2g} mm, which feet of one rigid object do "
-            f"not; if they move independently, --contacts {name}=2 separates them"
-            for name, change_m in zip(names, self._memory.pads["change_m"].tolist(), strict=True)
-            if change_m > 0
+            f"not: {scans} scans without an ok pose; if they move independently, --contacts {name}=2 separates them"
+            for name, change_m, scans in zip(
+                [self._layout.pads[pad] for pad in own["pad"]], own["change_m"], self._scans[own["pad"]], strict=True
+            )
         ]
 
     def step(self, scans: Scans) -> Bools:
@@ -107,6 +109,7 @@ class RigidityMonitor:
         found = tracker.step(scans)
         pressure, noise, contact, complete = scans.pressure, scans.noise, scans.contact, scans.complete
         check_rigidity(pressure, noise, contact, complete, found.labels, found.contacts, self._memory, moved_apart)
+        self._scans += np.count_nonzero(moved_apart, axis=0)
 
 
 @kernel

@@ -20,15 +20,21 @@ if TYPE_CHECKING:
 class SegmentedScans:
     """Scans after segmentation.
 
-    scans: as conditioned, but each split contact holds its own taxels only. unfit: (scans, pads), where readings are
-    not those of one rigid object: contacts of its pad have moved relative to each other since it was touched, or the
-    skin may remember them. contacts: features of every pad's contact. texture: what its pattern shows.
+    scans: as conditioned, but each split contact holds its own taxels only. moved_apart: (scans, pads), where contacts
+    of the pad have moved relative to each other since it was touched; remembered: where the skin may remember all that
+    it reads. contacts: features of every pad's contact. texture: what its pattern shows.
     """
 
     scans: Scans
-    unfit: Bools
+    moved_apart: Bools
+    remembered: Bools
     contacts: Contacts
     texture: Texture
+
+    @property
+    def unfit(self) -> Bools:
+        """(scans, pads), where readings are not those of one rigid object."""
+        return self.moved_apart | self.remembered
 
 
 class ContactSession:
@@ -44,13 +50,13 @@ class ContactSession:
 
     @property
     def notes(self) -> list[str]:
-        """One sentence for each pad on which contacts have moved apart."""
-        return self._monitor.notes
+        """One sentence for each pad on which contacts have moved apart, and one on what skins may have remembered."""
+        return [*self._monitor.notes, *self._memory.notes]
 
     def step(self, scans: Scans) -> SegmentedScans:
         """Segment the scans that follow those of the last call. The input is left unchanged."""
         if self._splitter is not None:
             scans = self._splitter.step(scans)
         contacts = self._features.step(scans)
-        unfit = self._monitor.step(scans) | self._memory.step(scans.t_s, contacts.peak)
-        return SegmentedScans(scans, unfit, contacts, self._texture.step(scans))
+        moved_apart, remembered = self._monitor.step(scans), self._memory.step(scans.t_s, contacts.peak)
+        return SegmentedScans(scans, moved_apart, remembered, contacts, self._texture.step(scans))

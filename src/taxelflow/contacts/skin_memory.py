@@ -26,6 +26,8 @@ class SkinMemory:
         """fades_s: time constant. Released pads of a Schunk SDH-2 read up to 6 % for 0.2 s, and 2 % for 1 s."""
         self._share, self._fades_s = SIGNIFICANT * layout.unseen_error, fades_s
         self._held = np.zeros(len(layout.pads))
+        self._pads = layout.pads[: layout.pad_count]
+        self._scans = np.zeros(len(layout.pads), dtype=np.int64)
         self._last_s = np.full(1, -np.inf)
         self.step(np.zeros(0), np.zeros((0, len(layout.pads))))  # compiles
 
@@ -37,7 +39,18 @@ class SkinMemory:
         """
         remembered, peak = np.zeros(peak.shape, dtype=np.bool_), np.ascontiguousarray(peak)
         find_remembered(t_s, peak, self._share, self._fades_s, self._held, self._last_s, remembered)
+        if np.count_nonzero(remembered):
+            self._scans += np.count_nonzero(remembered, axis=0)
         return remembered
+
+    @property
+    def notes(self) -> list[str]:
+        """A sentence with the number of such scans on each pad; none where there are none."""
+        counts = zip(self._pads, self._scans.tolist(), strict=False)  # groups and contacts lie on the pads
+        counted = [f"{scans} of {name}" for name, scans in counts if scans]
+        if not counted:
+            return []
+        return [f"scans without an ok pose, as the skin may remember a load that has left: {', '.join(counted)}"]
 
 
 @kernel
