@@ -98,6 +98,13 @@ def test_a_slow_slip_of_a_rocked_object_is_reported_before_it_ends(mode: Mode) -
     assert found.slipping[late].all()
 
 
+def test_a_stream_reports_a_slip_that_is_over_before_its_bin_is_of_a_rocked_object() -> None:
+    """By one pitch in 0.08 s."""
+    slid = np.clip((T_S - 3.0) / 0.08, 0.0, 1.0)
+    found = api.estimate(on_skin(slid, ROCKED), method="template", mode="stream")["pad0"]
+    assert found.slipping[(found.t_s > ONSET_S) & (found.t_s < ONSET_S + 0.09)].any()
+
+
 def test_a_sensor_without_unseen_error_is_believed() -> None:
     exact = msgspec.structs.replace(SENSOR, unseen_error=0.0)
     assert starts(slips(replace(on_skin(AT_REST, ROCKED), sensor=exact), "stream"))

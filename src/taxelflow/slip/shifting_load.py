@@ -13,15 +13,17 @@ to consent to a slip by the pose. The pattern from before it began is compared w
   sliding or by rolling;
 - odds for a slip (`odds`) are enough: they know a tilt from a slide, over 0.3 s, where the place is still in sight.
 
-Else the slip is suspected. Patterns are compared until a slide is clearly better: a slip that lasts while rest is may
-be none (`RestlessPads`). The interval that is compared begins with the slip: the longer the way, the clearer the
-decision. Where the load wanders the pose may claim a slip long before there is one; then it begins after the last bin
-that rest explained clearly better, and so does the interval: what rolls or tilts rests in each short one, where in a
-long one neither is explained.
+Else the slip is suspected. Patterns are means of bins. A single scan that a slide explains clearly better is enough,
+too: many slips in a hand are over before their bin is. Patterns are compared until a slide is clearly better: a slip
+that lasts while rest is may be none (`RestlessPads`). The interval that is compared begins with the slip: the longer
+the way, the clearer the decision. Where the load wanders the pose may claim a slip long before there is one; then it
+begins after the last bin that rest explained clearly better, and so does the interval: what rolls or tilts rests in
+each short one, where in a long one neither is explained.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
@@ -39,7 +41,7 @@ from taxelflow.slip.pattern_change import BINS
 from taxelflow.slip.restless import RESTLESS_SHARE
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Bools, Event, Slips
+    from taxelflow.messages import Bools, Event, Scans, Slips
     from taxelflow.numerics.bins import Bin
     from taxelflow.sensors.layout import Layout
     from taxelflow.slip.pattern_change import PatternChanges
@@ -83,7 +85,8 @@ class Consent(NamedTuple):
 class _Claim:
     """A slip by the pose. still: whether the contact was still before. before: the pattern that its interval begins
     with; None if there was none. rested_s: end of the last bin that rest explained clearly better.
-    compared: whether patterns were. shown: a slide explained the change clearly better. since_s, rests: see `Consent`.
+    compared: whether bins were. next_s: when the next scan may be. shown: a slide explained the change clearly better.
+    since_s, rests: see `Consent`.
     """
 
     onset_s: float
@@ -91,6 +94,7 @@ class _Claim:
     before: _Pattern | None = None
     rested_s: float = -np.inf
     compared: bool = False
+    next_s: float = -np.inf
     since_s: float = np.inf
     shown: bool = False
     rests: bool = False
@@ -115,15 +119,21 @@ class ShiftingLoad:
         self._claims: dict[int, _Claim] = {}
         self._ended: dict[int, _Claim] = {}
         self._coming: list[Bin] = []  # of scans that `step` has not reached
+        self._scans: deque[Scans] = deque()  # blocks whose last scan `step` has not reached
+        self._scan = 0  # the next one of the first of these
         self._seen: list[_Seen] = []
         self._stirred: list[tuple[float, Floats]] = []  # first time of a bin, and (pads,) of it
         self._path_m = np.zeros((count, 2))
-        self._since_s, self._rests = np.full(count, -np.inf), np.zeros(count, dtype=np.bool_)
 
     def prepare(self) -> None:
         """Make ready what a comparison needs, so that none of a stream waits for it."""
         if self._doubts:
             prepare(self._layout)
+
+    def see(self, scans: Scans) -> None:
+        """Scans that `step` will reach."""
+        if self._doubts and len(scans):
+            self._scans.append(scans)
 
     def step(self, slips: Slips, events: list[Event], changes: PatternChanges, completed: list[Bin]) -> Consent:
         """Consent to slips in these scans.
@@ -131,12 +141,13 @@ class ShiftingLoad:
         events: by the pose, of these scans, in time order. changes: of these scans. completed: bins since the last
         call, which may be of later scans.
         """
+        shape = slips.contact.shape
+        found = Consent(np.full(shape, -np.inf), np.zeros(shape, dtype=np.bool_))
         if not self._doubts:
-            return Consent(np.full(slips.contact.shape, -np.inf), np.zeros_like(slips.contact))
+            return found
         self._coming += completed
-        found = Consent(np.empty(slips.contact.shape), np.empty_like(slips.contact))
         begun = [event for event in events if event.event in ("slip_start", "slip_stop", "release")]
-        paths_m, done = np.empty((*slips.contact.shape, 2)), 0
+        paths_m, done = np.empty((*shape, 2)), 0
         _follow(slips.displacement, self._path_m, paths_m)
         for scan, (t_s, centre_s) in enumerate(zip(slips.t_s.tolist(), changes.centre_s.tolist(), strict=True)):
             self._path_m = paths_m[scan]
@@ -147,7 +158,9 @@ class ShiftingLoad:
                 done += 1
             while self._coming and self._coming[0].until_s <= t_s:
                 self._judge(_Seen(self._coming.pop(0), self._path_m))
-            found.since_s[scan], found.rests[scan] = self._since_s, self._rests
+            self._compare_scan()
+            for pad, claim in self._claims.items():
+                found.since_s[scan, pad], found.rests[scan, pad] = claim.since_s, claim.rests
         return found
 
     def _change(self, event: Event) -> None:
@@ -161,8 +174,6 @@ class ShiftingLoad:
             resumed = before is not None and before.onset_s == event.onset_s  # its end was withdrawn
             claim = before if before is not None and resumed else self._claimed(pad, event)
             self._claims[pad] = claim
-        self._since_s[pad] = self._claims[pad].since_s if pad in self._claims else -np.inf
-        self._rests[pad] = pad in self._claims and self._claims[pad].rests
 
     def _claimed(self, pad: int, event: Event) -> _Claim:
         """A slip by the pose that begins; a method without displacement has no way to doubt."""
@@ -195,40 +206,50 @@ class ShiftingLoad:
         self._seen = [one for one in self._seen if one.bin.until_s >= oldest_s]
         self._stirred = [one for one in self._stirred if one[0] >= oldest_s]
         for pad, claim in self._claims.items():
-            touches = seen.bin.touching[pad] and seen.bin.whole[pad]
-            if claim.shown or seen.bin.until_s <= claim.onset_s or not touches:
-                continue
-            now = self._pattern(pad, [seen])
-            if claim.before is None:
-                claim.before = now
-                continue
-            common = overlap(skin_of(self._layout, pad), claim.before.pressure, now.pressure)
-            if not common.comparable:
-                claim.shown = True
-            else:
-                noise = float(self._noise.median(seen.bin.noise)[pad])
-                self._compare(pad, claim, claim.before, now, noise, covers=common.covers)
-            if claim.shown:
-                claim.since_s, claim.rests = min(claim.since_s, claim.rested_s), False
-            elif claim.rests:
-                claim.before, claim.rested_s = now, now.until_s
-            self._since_s[pad], self._rests[pad] = claim.since_s, claim.rests
+            if not claim.shown and seen.bin.touching[pad] and seen.bin.whole[pad]:
+                self._compare(pad, claim, self._pattern(pad, [seen]), seen.bin.noise, is_bin=True)
 
-    def _compare(self, pad: int, claim: _Claim, before: _Pattern, now: _Pattern, noise: float, *, covers: bool) -> None:
+    def _compare_scan(self) -> None:
+        """The next scan may show a slip before its bin is complete."""
+        scans, scan = self._scans[0], self._scan
+        self._scan = (scan + 1) % len(scans)
+        if not self._scan:
+            self._scans.popleft()
+        for pad, claim in self._claims.items():
+            if claim.shown or not (scans.contact[scan, pad] and scans.complete[scan, pad]):
+                continue
+            t_s = float(scans.t_s[scan])
+            if t_s >= claim.next_s:
+                claim.next_s = t_s + BIN_S / 10  # large pads take milliseconds
+                own = scans.pressure[scan, self._layout.of_pad(pad)]
+                now = _Pattern(t_s, own, 1, self._path_m[pad])
+                self._compare(pad, claim, now, scans.noise, is_bin=False)
+
+    def _compare(self, pad: int, claim: _Claim, now: _Pattern, noise: Floats, *, is_bin: bool) -> None:
         """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?
 
-        noise: standard deviation of a reading. covers: whether the object covers the pad.
+        noise: (entries,), standard deviation of a reading. is_bin: a mean, by which the object may rest, too.
         """
-        moved = (now.path_m - before.path_m) / self._pitch_m[pad]
-        noise *= float(np.sqrt(1.0 / before.scans + 1.0 / now.scans))
-        skin, way = skin_of(self._layout, pad), np.array([*moved, 0.0])
-        left = compare(skin, before.pressure, now.pressure, noise, way, gain_error=self._layout.unseen_error)
-        first = claim.still and not claim.compared
-        odd = covers and _is_odd(before, now, left.rest, noise)
-        claim.shown, claim.rests = left.rest > CLEARLY**2 * left.slide, left.rests()
-        if claim.since_s == np.inf and (odd or (first and not claim.rests)):
-            claim.since_s = claim.rested_s
-        claim.compared = True
+        if now.until_s <= claim.onset_s:
+            return
+        before, skin = claim.before, skin_of(self._layout, pad)
+        if before is None:
+            claim.before = now if is_bin else None
+            return
+        common, left = overlap(skin, before.pressure, now.pressure), None
+        if common.comparable:
+            scatter = float(self._noise.median(noise)[pad] * np.sqrt(1.0 / before.scans + 1.0 / now.scans))
+            way = np.array([*(now.path_m - before.path_m) / self._pitch_m[pad], 0.0])
+            left = compare(skin, before.pressure, now.pressure, scatter, way, gain_error=self._layout.unseen_error)
+        if left is None or left.rest > CLEARLY**2 * left.slide:
+            claim.shown, claim.since_s, claim.rests = True, min(claim.since_s, claim.rested_s), False
+        elif is_bin:
+            odd = common.covers and _is_odd(before, now, left.rest, scatter)
+            first, claim.compared, claim.rests = claim.still and not claim.compared, True, left.rests()
+            if claim.since_s == np.inf and (odd or (first and not claim.rests)):
+                claim.since_s = claim.rested_s
+            if claim.rests:
+                claim.before, claim.rested_s = now, now.until_s
 
 
 def _is_odd(before: _Pattern, now: _Pattern, rest: float, noise: float) -> bool:

@@ -102,6 +102,7 @@ class SlipStage:
         """Compare the patterns of scans, whose slips follow; the bins that they complete, where those are compared."""
         self._sheared, before = scans.shear is not None, len(self._watch.completed or ())
         self._changes.append(self._watch.step(scans))
+        self._shifts.see(scans)
         if self._loss is not None:
             self._losses.append(self._loss.of(scans))
         return self._watch.completed[before:] if self._watch.completed else []
