@@ -27,6 +27,9 @@ class _Unexplained(NamedTuple):
     """Up to this a map explains a scan: it explains more than it leaves."""
     known: float = 0.1
     """Up to this a scan shows the object of a known map; its variance is not counted as evidence."""
+    by_faults: float = 3.0
+    """Up to this, times the square of the sensor's unseen error, its faults leave: the mean square of a paraboloid's
+    pressure is a third of that of its largest."""
     scans: int = 2
     """After this many consecutive scans that do not fit its map, it is another object."""
 

@@ -107,7 +107,8 @@ def _learn(known: LocalMap) -> LocalMap:
     scanned, pattern = replace(known, gains=gains).scanned, best.pattern
     before = (keyframes.angled if best.turns and not known.turns else keyframes.states).copy()
     before[:, :2] += known.origin
-    turned = float(np.median(states_of(best.states).theta - states_of(before).theta)) if best.turns else 0.0
+    since = slice(None) if known.turns else slice(KEYFRAMES.same)  # later ones had turned before it was noticed
+    turned = float(np.median((states_of(best.states).theta - states_of(before).theta)[since])) if best.turns else 0.0
     states, origin, off = align_gauge(before, best, scanned, turned)
     slack = np.full(2, SLACK.first) if best.grows and not known.grows else _slack(known, off)
     shown = known.shown if looked == known.looked else best.shown

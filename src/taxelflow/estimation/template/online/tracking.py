@@ -49,7 +49,9 @@ _CUT = 0.1
 
 
 class Search(NamedTuple):
-    """What a scan's registration begins with. states: see `Room`; the last state, the centre of pressure, and room."""
+    """What a scan's registration begins with. states: see `Room`; the last state, the centre of pressure, and room.
+    leaves_more: the scan before left more than faults of the sensor do, so that a turn is tried though this one fits.
+    """
 
     states: Floats
     span: float
@@ -57,6 +59,7 @@ class Search(NamedTuple):
     grown_std: float
     may_turn: bool
     may_grow: bool
+    leaves_more: bool
 
 
 @lean_kernel
@@ -94,10 +97,10 @@ def _follow_pad(
         if m.undecided:
             find_hidden(scan.raw, scan.variance, scan.places, scan.sides, middle, m.hidden[:])
     m.cut = m.cut or middle[2] > _CUT
-    in_line = m.across[0] > 0.0 or m.across[1] > 0.0
-    may_turn = not m.turns and not m.cut and not in_line
+    leaves_more = floor > 0.0 and m.unexplained > UNEXPLAINED.by_faults * floor * floor
+    in_line = max(m.across[0], m.across[1]) > 0.0
+    may_turn = not (m.turns or m.cut or in_line)
     may_grow = not m.grows and m.away <= GROWTH.stays and m.keyframes >= KEYFRAMES.same
-    poor = not fits(m)
     grown_std = growth_std(m.load, middle[3])
     _bend(m, delay, bend)
     level = _level(scan, m)
@@ -106,14 +109,14 @@ def _follow_pad(
     pack_places(scan.places, bend, count, taxels)
     pack_readings(scan.reading, scan.variance, scan.ceiling, error, taxels)
     chi, usual = np.inf, m.usual
-    if not m.carries or (poor and (may_turn or may_grow)):
-        search = Search(states, span, usual, grown_std, may_turn, may_grow)
+    if not m.carries or (may_turn and leaves_more) or (not fits(m) and (may_turn or may_grow)):
+        search = Search(states, span, usual, grown_std, may_turn, may_grow, leaves_more)
         chi = _search(surface, taxels, search, m)
     if m.carries:
         usual = 1.0
         predict(span, _surely_moved(m, span), rest, scan, brought)
         pack_readings(brought[0, :count], brought[1, :count], brought[2, :count], 0.0, taxels)
-        search = Search(states, span, usual, grown_std, False, False)
+        search = Search(states, span, usual, grown_std, False, False, False)
         chi = _search(Surface(surface.c, surface.doubt[:0], surface.lattice), taxels, search, m)
         pack_readings(scan.reading, scan.variance, scan.ceiling, error, taxels)
     for a in range(STATE):
@@ -213,7 +216,10 @@ def _search(surface: Surface, taxels: Packed, search: Search, m: Track) -> float
     states = search.states
     precision, mean, trial, found = states[2], states[3], states[4], states[5:10]
     for attempt in range(_ATTEMPTS):
-        if attempt >= _TURNS and best_chi <= gate(search.usual, m.count):
+        fit, tried = best_chi <= GATE * search.usual, search.leaves_more and attempt == _TURNS
+        if attempt < _TURNS and fit:
+            continue
+        if attempt >= _TURNS and best_chi <= gate(search.usual, m.count) and not tried:
             break
         if (attempt == _TURNS and not search.may_turn) or (attempt == _GROWS and not search.may_grow):
             continue
@@ -228,11 +234,12 @@ def _search(surface: Surface, taxels: Packed, search: Search, m: Track) -> float
         put(State(last.x, last.y, theta, last.gain, last.size), mean)
         prior = Prior(mean, precision)
         cost, chi, count = refine_state(surface, taxels, prior, HUBER, _ITERATIONS, trial, found, states[10:])
-        if cost < best - (CHEAPER if attempt < _TURNS else _PAID * _misfit(best, taxels)):
+        of_turn = _PAID * (best if fit else _misfit(best, taxels))
+        if cost < best - (CHEAPER if attempt < _TURNS else of_turn):
             best, best_chi, m.count = cost, chi / max(count, 1), count
             _take(trial, found, m)
             _learn_freedom(attempt, m)
-        if best_chi <= GATE * search.usual:
+        if best_chi <= GATE * search.usual and not search.leaves_more:
             break
     return best_chi
 
