@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from taxelflow.acquire.base import Recording
+from taxelflow.condition.parameters import Conditioner
 from taxelflow.control.agreement import Agreement
 from taxelflow.control.balance import Shown
 from taxelflow.control.base import Touch
@@ -15,9 +17,11 @@ from taxelflow.control.baselines import CentroidSpeed, Constant, Threshold
 from taxelflow.control.hold import Hold
 from taxelflow.control.motion import LetMove, Pivot, Slid, Slide, Turned
 from taxelflow.control.slipped_force import SlippedForce
-from taxelflow.control.touch import TouchStream
+from taxelflow.control.touch import Facing, TouchStream
 from taxelflow.errors import ParameterInvalid
+from taxelflow.messages import RawScans
 from taxelflow.numerics.gravity import G_M_S2
+from taxelflow.pipeline.stages import Pipeline
 from taxelflow.runtime import registry
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.mujoco.gripper import sensor_of
@@ -447,6 +451,19 @@ def test_a_jump_of_one_pad_is_no_path() -> None:
     for scan in range(100):
         slid.step(touch(scan, (0.0, -0.35, 0.0) if scan == 50 else steady, steady))
     assert slid.so_far() == pytest.approx(0.015, rel=0.05)
+
+
+def test_a_slip_that_is_only_suspected_alerts_a_controller() -> None:
+    """Of the left pad, by its pose; nothing of the right one."""
+    sensor = sensor_of(Skin())
+    run = Pipeline(registry.find("estimator", "convolution")(), "stream", Conditioner(tare="none")).start(
+        Recording.live(sensor)
+    )
+    readings = np.full((2, sensor.layout.taxels // 2), 1e4)
+    outs = [run.step(RawScans(np.array([scan * DT_S]), readings.reshape(1, -1))) for scan in range(40)]
+    out = next(one for one in reversed(outs) if len(one))
+    suspected = replace(out, slipping=np.zeros((1, 2), dtype=bool), statistic=np.array([[2.0, np.nan]]))
+    assert Facing(sensor).touch(0.4, readings, suspected).slipping.tolist() == [True, False]
 
 
 def test_the_second_pad_is_mirrored_into_the_first_ones_frame() -> None:

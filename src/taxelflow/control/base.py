@@ -21,16 +21,16 @@ class Touch:
     The grip's frame of two facing pads is that of the first: x to its right, y up; the second pad's motion is mirrored
     into it. That of a hand is the hand's frame in space.
     t_s, dt_s: time, and time since the scan before. pressure: of all taxels, Pa, (2, taxels) of facing pads. force_n:
-    half of all pads' normal forces: with facing pads the mean of both. slipping: (pads,), by the slip detector.
-    velocity: (pads, 3), of the object along each pad, m/s, m/s, rad/s; NaN where unknown. axes: (pads, 2, n), the
-    directions of its first two components in the grip's frame, n = 2 for facing pads and 3 for a hand.
-    covariance: (pads, 3, 3), of the velocity of an object at rest, by the noise of the readings alone.
-    detail_m: (pads,), how far the object has to move along its load to change a pad's image by as much as the image
-    itself, NaN where unknown; if the load's direction is unknown, in the direction in which that is least.
-    place_m: (pads, 2), place on the pad of the point of the object whose velocity is given; NaN where unknown.
-    ready: False while the conditioner learns noise and tare. place_std_m: (pads,), standard deviation of that place
-    along each axis; None for 0. joint: (pads, 3, pads, 3), covariance of all velocities, whose diagonal blocks are
-    `covariance`; None if the pads are independent of each other.
+    half of all pads' normal forces: with facing pads the mean of both. slipping: (pads,), by the slip detector; where
+    the pose decides, also slips that are only suspected: the object may fall. velocity: (pads, 3), of the object along
+    each pad, m/s, m/s, rad/s; NaN where unknown. axes: (pads, 2, n), the directions of its first two components in the
+    grip's frame, n = 2 for facing pads and 3 for a hand. covariance: (pads, 3, 3), of the velocity of an object at
+    rest, by the noise of the readings alone. detail_m: (pads,), how far the object has to move along its load to change
+    a pad's image by as much as the image itself, NaN where unknown; if the load's direction is unknown, in the
+    direction in which that is least. place_m: (pads, 2), place on the pad of the point of the object whose velocity is
+    given; NaN where unknown. ready: False while the conditioner learns noise and tare. place_std_m: (pads,), standard
+    deviation of that place along each axis; None for 0. joint: (pads, 3, pads, 3), covariance of all velocities, whose
+    diagonal blocks are `covariance`; None if the pads are independent of each other.
     """
 
     t_s: float

@@ -146,6 +146,14 @@ def test_hold_stops_a_jar_that_the_slip_stage_once_did_not_notice() -> None:
 
 
 @pytest.mark.long
+def test_hold_catches_a_case_whose_slip_is_only_suspected() -> None:
+    """It fell out of the hand while the slip stage waited for the pattern to consent."""
+    seen = list(Course(Trial.drawn(77003, "case", "weak"), Hold(), hand="barrett"))
+    assert seen[-1].slid_m < 0.005
+    assert seen[-1].moment.truth.speed_m_s < 1e-3
+
+
+@pytest.mark.long
 def test_a_can_is_held_by_pads_that_know_that_they_cannot_feel_it_slide() -> None:
     course = Course(Trial.drawn(20600, "can", "none"), Hold(), hand="barrett", end_s=1.4)
     seen = list(course)
