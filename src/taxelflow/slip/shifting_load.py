@@ -237,6 +237,8 @@ class ShiftingLoad:
             claim.before = now if is_bin else None
             return
         common, left = overlap(skin, before.pressure, now.pressure), None
+        if not (common.comparable or is_bin):  # noise of a single scan on a large pad may be half of its load
+            return
         if common.comparable:
             scatter = float(self._noise.median(noise)[pad] * np.sqrt(1.0 / before.scans + 1.0 / now.scans))
             way = np.array([*(now.path_m - before.path_m) / self._pitch_m[pad], 0.0])
