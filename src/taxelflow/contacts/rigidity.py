@@ -109,7 +109,8 @@ class RigidityMonitor:
         found = tracker.step(scans)
         pressure, noise, contact, complete = scans.pressure, scans.noise, scans.contact, scans.complete
         check_rigidity(pressure, noise, contact, complete, found.labels, found.contacts, self._memory, moved_apart)
-        self._scans += np.count_nonzero(moved_apart, axis=0)
+        if np.count_nonzero(moved_apart):
+            self._scans += np.count_nonzero(moved_apart, axis=0)
 
 
 @kernel

@@ -85,8 +85,8 @@ class Consent(NamedTuple):
 class _Claim:
     """A slip by the pose. still: whether the contact was still before. before: the pattern that its interval begins
     with; None if there was none. rested_s: end of the last bin that rest explained clearly better.
-    compared: whether bins were. next_s: when the next scan may be. shown: a slide explained the change clearly better.
-    since_s, rests: see `Consent`.
+    compared: whether bins were. scans_s: from and up to when single scans may be. shown: a slide explained the change
+    clearly better. since_s, rests: see `Consent`.
     """
 
     onset_s: float
@@ -94,7 +94,7 @@ class _Claim:
     before: _Pattern | None = None
     rested_s: float = -np.inf
     compared: bool = False
-    next_s: float = -np.inf
+    scans_s: tuple[float, float] = (np.inf, -np.inf)
     since_s: float = np.inf
     shown: bool = False
     rests: bool = False
@@ -189,7 +189,8 @@ class ShiftingLoad:
         ]
         before = self._pattern(pad, earlier[-BINS.before :]) if earlier else None
         fast = event.speed_m_s * BIN_S > self._pitch_m[pad]
-        return _Claim(event.onset_s, still, before, since_s=-np.inf if still and fast else np.inf)
+        scans_s = event.t_s, event.t_s + BIN_S  # then bins have seen it
+        return _Claim(event.onset_s, still, before, scans_s=scans_s, since_s=-np.inf if still and fast else np.inf)
 
     def _pattern(self, pad: int, seen: list[_Seen]) -> _Pattern:
         """Mean of some bins, at least one."""
@@ -218,9 +219,9 @@ class ShiftingLoad:
         for pad, claim in self._claims.items():
             if claim.shown or not (scans.contact[scan, pad] and scans.complete[scan, pad]):
                 continue
-            t_s = float(scans.t_s[scan])
-            if t_s >= claim.next_s:
-                claim.next_s = t_s + BIN_S / 10  # large pads take milliseconds
+            (since_s, until_s), t_s = claim.scans_s, float(scans.t_s[scan])
+            if since_s <= t_s <= until_s:
+                claim.scans_s = t_s + BIN_S / 10, until_s  # large pads take milliseconds
                 own = scans.pressure[scan, self._layout.of_pad(pad)]
                 now = _Pattern(t_s, own, 1, self._path_m[pad])
                 self._compare(pad, claim, now, scans.noise, is_bin=False)
