@@ -13,6 +13,7 @@ import pytest
 
 import taxelflow
 from bagged import write_bag
+from rigged import refused
 from taxelflow.cli import main
 from taxelflow.errors import NameUnknown, PluginBroken, SensorNeeded
 
@@ -119,6 +120,13 @@ def test_the_score_runs_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
     heading, *rows = Path("still.csv").read_text().splitlines()
     assert heading == "scenario,rms_mm"
     assert len(rows) == len(printed)
+
+
+def test_a_score_without_a_report_is_named_with_its_package(capsys: pytest.CaptureFixture[str]) -> None:
+    text = FILES["my_touch/still.py"].replace("return StillReport(rows)", "return None")
+    Path("my_touch/still.py").write_text(text.replace('("press", "tilt")', "()"))
+    said = refused(capsys, "score", "still")
+    assert "cannot use score 'still' from my_touch.still:Still (TypeError: it gives a NoneType, not a report" in said
 
 
 def test_an_unknown_name_lists_those_of_the_package() -> None:

@@ -66,6 +66,25 @@ def test_an_estimator_that_gives_more_rows_than_scans_is_named() -> None:
         session.step(scans_of(5))
 
 
+def test_a_session_that_cannot_end_is_named_before_the_first_scan() -> None:
+    class Endless:
+        step = None
+
+    with pytest.raises(EstimatorBroken, match=r"Endless gave no method finish; start must return a session with"):
+        SlipsSession(Endless(), PALM.layout)  # type: ignore[arg-type]
+
+
+def test_an_estimator_that_loses_scans_is_named_at_the_end() -> None:
+    class Lossy(Holding):
+        def finish(self) -> Estimates:
+            return Estimates.unknown(scans_of(0))
+
+    session = SlipsSession(Lossy([2]), PALM.layout)
+    session.step(scans_of(5))
+    with pytest.raises(EstimatorBroken, match=r"Lossy gave no estimates of the last 3 scans; step and finish must"):
+        session.finish()
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [

@@ -8,11 +8,12 @@ import pytest
 
 from rigged import refused
 from taxelflow.cli import main
-from taxelflow.errors import NameUnknown, ParameterInvalid
+from taxelflow.errors import NameUnknown, ParameterInvalid, PluginBroken
 from taxelflow.estimation.centroid.convolution import Convolution
 from taxelflow.estimation.centroid.lnorm import LNorm
 from taxelflow.estimation.scan_matching.parameters import Registration
 from taxelflow.pipeline.api import estimate, estimator
+from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.runtime import registry
 
 if TYPE_CHECKING:
@@ -119,3 +120,41 @@ def test_help_survives_a_plugin_whose_package_is_gone(monkeypatch: pytest.Monkey
     point = EntryPoint("gone", "no_such_package.module:Score", "taxelflow.score")
     monkeypatch.setattr(registry, "_plugins", lambda _stage: {"gone": point})
     assert registry.summary("score", "gone") == ""
+
+
+@pytest.mark.parametrize(
+    ("stage", "where", "seen"),
+    [
+        ("reader", "math:sqrt", "sqrt must take path, sensor: too many positional arguments"),
+        ("writer", "os.path:relpath", "relpath must take recording, path, blocks: too many positional arguments"),
+        ("source", "textwrap:dedent", "dedent must take address, sensor: too many positional arguments"),
+        ("sensor", "textwrap:dedent", "dedent must take nothing: missing a required argument: 'text'"),
+        ("estimator", "math:pi", "3.141592653589793 is no class"),
+        ("estimator", "fractions:Fraction", "Fraction is no dataclass"),
+        ("estimator", "taxelflow:Sensor", "Sensor is no dataclass"),
+        ("estimator", "taxelflow:Columns", "Columns has no method start"),
+        ("estimator", "taxelflow:Conditioner", "Conditioner.start must take layout, mode: missing a required"),
+        ("score", "taxelflow:Columns", "Columns has no method run"),
+    ],
+)
+def test_a_plugin_that_its_stage_cannot_call_is_refused_by_name(
+    stage: str, where: str, seen: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    point = EntryPoint("plug", where, f"taxelflow.{stage}")
+    monkeypatch.setattr(registry, "_plugins", lambda asked: {"plug": point} if asked == stage else {})
+    with pytest.raises(PluginBroken) as told:
+        registry.find(stage, "plug")
+    assert str(told.value).startswith(f"cannot use {stage} 'plug' from {where} (")
+    assert seen in str(told.value)
+
+
+def test_a_plugin_whose_signature_python_does_not_know_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "_plugins", lambda _stage: {"plug": EntryPoint("plug", "builtins:min", "")})
+    assert registry.find("sink", "plug") is min
+
+
+def test_a_sink_that_lacks_a_part_of_its_protocol_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    point = EntryPoint("screen", "contextlib:nullcontext", "taxelflow.sink")
+    monkeypatch.setattr(registry, "_plugins", lambda _stage: {"screen": point})
+    with pytest.raises(PluginBroken, match=r"sink 'screen' .*its nullcontext has no lossless, raw, .*hurry, close\)"):
+        opened_sinks(("screen:main",))

@@ -62,6 +62,10 @@ class SlipsSession:
     """A `SlipSource` made of an estimator's session. Footprints wait for estimates that are held back."""
 
     def __init__(self, session: EstimatorSession, layout: Layout) -> None:
+        for name in ("step", "finish"):
+            if not hasattr(session, name):
+                remedy = "start must return a session with step and finish"
+                raise EstimatorBroken(type(session).__name__, f"no method {name}", remedy)
         self._session, self._boundary = session, Boundary(layout)
         gains = session.gains if isinstance(session, Scaled) else np.ones((len(layout.pads), 2))
         self._unseen = UnseenError(layout, gains) if layout.unseen_error and not judges(session) else None
@@ -83,7 +87,11 @@ class SlipsSession:
 
     def finish(self) -> Slips:
         """Slips that the estimator has held back. Raises EstimatorBroken."""
-        return self._completed(self._session.finish())
+        slips = self._completed(self._session.finish())
+        if left := sum(map(len, self._held)):
+            seen, remedy = f"no estimates of the last {left} scans", "step and finish must give one row per scan"
+            raise EstimatorBroken(type(self._session).__name__, seen, remedy)
+        return slips
 
     def _footprint(self, scans: Scans) -> Footprint:
         border, load = self._boundary.step(scans)

@@ -236,7 +236,7 @@ class Score:
     def run(self, rest: list[str]) -> int:
         """Run the score that the first of the words names, with the others as its options; list all without a name.
 
-        Raises NameUnknown, and what the score raises.
+        Raises NameUnknown, PluginBroken, and what the score raises.
         """
         if not rest or rest[0].startswith("-"):
             return _list_scores(rest)
@@ -245,6 +245,9 @@ class Score:
 
         score, output = _parsed(registry.find("score", rest[0]), rest)
         report = score.run(counted)
+        if not hasattr(report, "show"):
+            error = TypeError(f"it gives a {type(report).__name__}, not a report with show")
+            raise registry.broken("score", rest[0], error)
         return output.give(report, report.show)
 
 

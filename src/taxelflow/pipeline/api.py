@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
 from inspect import signature
 from itertools import chain
 from pathlib import Path
@@ -189,8 +189,8 @@ def pipeline_of(
 ) -> Pipeline:
     """The stages as `estimate` and `Live` take them. Raises NameUnknown, ParameterInvalid, CalibrationInvalid."""
     chosen = estimator(method, **parameters) if isinstance(method, str) else method
-    if isinstance(chosen, type) or not hasattr(chosen, "start"):
-        raise ParameterInvalid("method", method, "be a name, or an estimator object with a method start")
+    if isinstance(chosen, type) or not is_dataclass(chosen) or not hasattr(chosen, "start"):
+        raise ParameterInvalid("method", method, "be a name, or an object of a dataclass with a method start")
     given = (("condition", condition, Conditioner), ("monitor", monitor, SlipMonitor), ("smooth", smooth, Smoothing))
     for name, stage, kind in given:
         if stage is not None and not isinstance(stage, kind):

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import ast
 import sys
+from dataclasses import is_dataclass
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
+from inspect import signature
 from pathlib import Path
 from traceback import walk_tb
 from typing import TYPE_CHECKING, Any
@@ -127,6 +129,16 @@ PARTS: dict[str, dict[str, str]] = {
 
 _KINDS = {"estimator": "method"}
 """What the command line calls a part of a stage, where that is not the stage's name."""
+_CALLED_WITH: dict[str, tuple[str, ...]] = {
+    "reader": ("path", "sensor"),
+    "writer": ("recording", "path", "blocks"),
+    "source": ("address", "sensor"),
+    "sink": ("address",),
+    "sensor": (),
+}
+"""What a part of these stages is called with."""
+_METHODS: dict[str, tuple[str, ...]] = {"estimator": ("start", "layout", "mode"), "score": ("run", "watched")}
+"""The method that a class of these stages needs, and what it is called with."""
 
 
 def names(stage: str) -> list[str]:
@@ -147,11 +159,39 @@ def find(stage: str, name: str) -> Any:
         return getattr(import_module(module), attribute)
     check(stage, name)
     try:
-        return _plugins(stage)[name].load()
+        part = _plugins(stage)[name].load()
+        _check_form(stage, part)
     except TaxelflowError:  # such as a missing extra
         raise
     except Exception as error:  # whatever stands in another's module
         raise broken(stage, name, error) from error
+    return part
+
+
+def _check_form(stage: str, part: Any) -> None:
+    """Raises TypeError for a part of another package that cannot be called as its stage calls it."""
+    name = getattr(part, "__name__", f"{part!r}")
+    if stage in _METHODS and isinstance(part, type):
+        method, *words = _METHODS[stage]
+        if stage == "estimator" and not is_dataclass(part):
+            raise TypeError(f"{name} is no dataclass")
+        if not hasattr(part, method):
+            raise TypeError(f"{name} has no method {method}")
+        _check_call(getattr(part, method), f"{name}.{method}", words, ["self"])
+    elif stage in _CALLED_WITH and not (stage == "sensor" and not callable(part)):
+        _check_call(part, name, _CALLED_WITH[stage], [])
+    elif stage in _METHODS and not callable(part):
+        raise TypeError(f"{name} is no class")
+
+
+def _check_call(called: Any, name: str, words: Sequence[str], before: list[str]) -> None:
+    """Raises TypeError for what does not take arguments of this meaning. before: what Python passes before them."""
+    try:
+        signature(called).bind(*before, *words)
+    except TypeError as error:
+        raise TypeError(f"{name} must take {', '.join(words) or 'nothing'}: {error}") from error
+    except ValueError:  # of a function in C: its signature is unknown
+        return
 
 
 def broken(stage: str, name: str, error: Exception) -> PluginBroken:

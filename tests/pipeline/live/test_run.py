@@ -389,6 +389,8 @@ def test_live_refuses_what_is_no_scan(t_s: Any, values: Any) -> None:
         ("rig:nowhere", "known are stroke"),
         ("replay:a.npz?speed=-1", "does not exist"),
         ("serial:/dev/ttyUSB0?baud=inf", "baud=NUMBER"),
+        ("rig:stroke?speed=fast", "give speed=NUMBER above 0, speed=max or speed=step"),
+        ("rig:stroke?speed=inf", "give speed=NUMBER above 0, speed=max or speed=step"),
         ("rig:stroke?seed=1.5", "without fraction"),
         ("rig:stroke?seed=", "seed=NUMBER"),
     ],

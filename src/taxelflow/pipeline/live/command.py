@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.devices.base import Source
     from taxelflow.pipeline.live.loop import Limits, Report
+    from taxelflow.runtime.addresses import Address
     from taxelflow.runtime.signals import Signals
 
 
@@ -164,11 +165,23 @@ class Record(FromSource):
 
 
 def opened_sinks(urls: tuple[str, ...]) -> dict[str, Any]:
-    """Sinks by URL, not open yet. Raises NameUnknown, AddressInvalid, and what a sink raises."""
+    """Sinks by URL, not open yet. Raises NameUnknown, PluginBroken, AddressInvalid, and what a sink raises."""
     sinks = {}
     for url in urls:
         address = parse_address(url, f"tables:{url} for a directory of tables")
         if url in sinks:
             raise AddressInvalid(url, "it is given twice", "each sink once")
-        sinks[url] = registry.find("sink", address.scheme)(address)
+        sinks[url] = _sink_of(address)
     return sinks
+
+
+def _sink_of(address: Address) -> Any:
+    """The sink of a URL; one of another package is checked. Raises what `opened_sinks` raises."""
+    from taxelflow.publish.sinks.base import Sink
+
+    made = registry.find("sink", address.scheme)(address)
+    needed = [*Sink.__annotations__, *(name for name in vars(Sink) if not name.startswith("_"))]
+    if missing := [name for name in needed if not hasattr(made, name)]:
+        error = TypeError(f"its {type(made).__name__} has no {', '.join(missing)}")
+        raise registry.broken("sink", address.scheme, error)
+    return made

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from dataclasses import replace
@@ -103,7 +104,10 @@ def _paced(address: Address, recording: Recording, missed: frozenset[float] = fr
         return Replay(recording, 0.0, stepped=True, missed=missed)
     if speed == "max":
         return Replay(recording, 0.0, missed=missed)
-    factor = address.number("speed", 1.0)
-    if factor == 0.0:
-        raise AddressInvalid(address.url, "speed=0", "speed=NUMBER above 0, speed=max or speed=step")
+    try:
+        factor = float(speed)
+    except ValueError:
+        factor = 0.0
+    if not 0.0 < factor < math.inf:
+        raise AddressInvalid(address.url, f"speed={speed}", "speed=NUMBER above 0, speed=max or speed=step")
     return Replay(recording, factor, missed=missed)
