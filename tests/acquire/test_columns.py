@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from taxelflow.acquire.columns import Columns
 from taxelflow.acquire.csv import open_csv
 from taxelflow.errors import ParameterInvalid, RecordingCorrupt, TaxelCountWrong
+from taxelflow.pipeline.api import read as read_any
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
@@ -39,6 +40,21 @@ def test_time_may_stand_in_any_column_and_unit(tmp_path: Path, unit: Any, factor
     raw = read(tmp_path, "a,stamp,b\n1,1000,2\n3,2000,4\n", 2, time="stamp", time_unit=unit)
     np.testing.assert_allclose(raw.t_s, [1000 * factor, 2000 * factor])
     assert raw.values.tolist() == [[1, 2], [3, 4]]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "npy", "parquet", "times"])
+def test_times_in_ms_are_the_numbers_that_times_in_s_are_read_as(tmp_path: Path, suffix: str) -> None:
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    rows = np.column_stack([10.0 * np.arange(800), np.ones(800)])
+    np.savetxt(tmp_path / "a.csv", rows, "%g", delimiter=",", header="stamp,a", comments="")
+    np.savetxt(tmp_path / "times.txt", rows[:, 0], "%g")
+    np.save(tmp_path / "a.npy", rows)
+    parquet.write_table(arrow.table({"stamp": rows[:, 0], "a": rows[:, 1]}), tmp_path / "a.parquet")
+    asked = Columns(time="0" if suffix == "npy" else "stamp", time_unit="ms", taxels=("1" if suffix == "npy" else "a",))
+    if suffix == "times":
+        asked, suffix = Columns(times=tmp_path / "times.txt", time_unit="ms", taxels=("a",)), "csv"
+    scans = read_any(tmp_path / f"a.{suffix}", plain(1), columns=asked).load()
+    assert scans.t_s.tolist() == [k / 100 for k in range(800)]
 
 
 @pytest.mark.parametrize(

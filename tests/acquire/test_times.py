@@ -75,7 +75,7 @@ def test_they_may_be_dates_or_an_array(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("stamp\n2025-11-22T10:00:00\n2025-11-22T10:00:01\n")
     assert (read_times(tmp_path / "t.csv", 1.0) - START_S).tolist() == [0.0, 1.0]
     np.save(tmp_path / "t.npy", np.arange(3))
-    assert read_times(tmp_path / "t.npy", 1e-3).tolist() == [0.0, 1e-3, 2e-3]
+    assert read_times(tmp_path / "t.npy", 1e3).tolist() == [0.0, 1e-3, 2e-3]
 
 
 @pytest.mark.parametrize(("times", "seen"), [(19, "more than 19 scans"), (21, "20 scans, and .* 21 times")])

@@ -94,7 +94,7 @@ class _Reader:
         """Blocks from the start."""
         if self.asked.times is None:
             return self._blocks()
-        t_s = read_times(self.asked.times, self.asked.seconds)
+        t_s = read_times(self.asked.times, self.asked.per_second)
         return timed(self._blocks, t_s, self.stored.path, self.asked.times)
 
     def _blocks(self) -> Iterator[RawScans]:
@@ -112,7 +112,7 @@ class _Reader:
 
     def _times(self, rows: Any, times: Any, start: int, stop: int) -> Any:
         if self.time is not None:
-            return rows[:, self.time] * self.asked.seconds
+            return rows[:, self.time] / self.asked.per_second
         if times is not None and self.asked.rate_hz is None:
-            return np.asarray(times[start:stop], dtype=np.float64) * self.asked.seconds
+            return np.asarray(times[start:stop], dtype=np.float64) / self.asked.per_second
         return np.arange(start, stop) / (self.asked.rate_hz or math.nan)

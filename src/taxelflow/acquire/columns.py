@@ -15,8 +15,9 @@ from taxelflow.sensors.toml_text import parse_toml, read_limited
 
 JOINT = "joint:"
 """Beginning of the names of columns with joint angles, in rad."""
-SECONDS_PER = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Units of times."""
+PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+"""Units of times: how many are a second. Times are divided by it, which gives the number next to the time, the one that
+the same time written in s is read as; a product with 1e-3 is often the one beside it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,15 +95,15 @@ class Columns:
         for name in ("taxels", "pads"):
             if isinstance(given := getattr(self, name), str):  # it would be taken letter by letter
                 raise ParameterInvalid(f"columns.{name}", given, f"be a tuple of patterns, such as ({given!r},)")
-        for name, known in (("time_unit", list(SECONDS_PER)), ("order", [None, "file", "number"])):
+        for name, known in (("time_unit", list(PER_SECOND)), ("order", [None, "file", "number"])):
             if getattr(self, name) not in known:
                 words = ", ".join(str(one) for one in known if one is not None)
                 raise ParameterInvalid(f"columns.{name}", getattr(self, name), f"be one of {words}")
 
     @property
-    def seconds(self) -> float:
-        """Factor from the column's times to s."""
-        return SECONDS_PER[self.time_unit]
+    def per_second(self) -> float:
+        """Units of the column's times in a second."""
+        return PER_SECOND[self.time_unit]
 
     def resolved(self) -> Columns:
         """The fields of `file`, overridden by those that are not defaults here. Raises ParameterInvalid."""
@@ -211,13 +212,13 @@ def _listed(names: list[str]) -> str:
 
 def likely_unit(rate_hz: float) -> str | None:
     """Unit of times with which a rate is that of a tactile sensor; None if there is none. rate_hz: with times in s."""
-    fit = (name for name, seconds in SECONDS_PER.items() if RATES.usual_hz[0] <= rate_hz / seconds <= RATES.usual_hz[1])
+    fit = (name for name, units in PER_SECOND.items() if RATES.usual_hz[0] <= rate_hz * units <= RATES.usual_hz[1])
     return next(fit, None)
 
 
 def epoch_units(stamp_s: float) -> list[str]:
     """Units in which a stamp would be a time since 1970 of these decades. stamp_s: as if it were in s."""
-    return [name for name, seconds in SECONDS_PER.items() if _LATEST_S / 4 < stamp_s * seconds < _LATEST_S]
+    return [name for name, units in PER_SECOND.items() if _LATEST_S / 4 < stamp_s / units < _LATEST_S]
 
 
 def doubted_rate(rate_hz: float, first_s: float) -> list[str]:

@@ -138,7 +138,7 @@ class _Table:
         """Blocks from the start; the scans before an error are delivered before it is raised."""
         if self.columns.times is None:
             return self._blocks()
-        t_s = read_times(self.columns.times, self.columns.seconds)
+        t_s = read_times(self.columns.times, self.columns.per_second)
         return timed(self._blocks, t_s, self.path, self.columns.times)
 
     def _blocks(self) -> Iterator[RawScans]:
@@ -181,8 +181,8 @@ class _Table:
         if self.time is None:
             rate_hz = self.columns.rate_hz or math.nan
             return RawScans(np.arange(done, done + len(numbers)) / rate_hz, numbers)
-        exact = self.iso or self.columns.seconds == 1
-        return RawScans(numbers[:, 0] if exact else numbers[:, 0] * self.columns.seconds, numbers[:, 1:])
+        exact = self.iso or self.columns.per_second == 1
+        return RawScans(numbers[:, 0] if exact else numbers[:, 0] / self.columns.per_second, numbers[:, 1:])
 
     def _parse_fast(self, chunk: list[str]) -> Floats | None:
         """(rows, columns read) by NumPy's parser; None for rows that it cannot parse: quotes, empty fields, errors."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from taxelflow.acquire.base import Recording
 from taxelflow.acquire.column_pads import check_pads
-from taxelflow.acquire.columns import JOINT, SECONDS_PER, Columns
+from taxelflow.acquire.columns import JOINT, PER_SECOND, Columns
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_SCANS, MOST_ARRAY_BYTES, Budget, check_expansion, scans_per_block
 from taxelflow.acquire.metadata import joints_text_in, masked_in, sensor_in, texts_of, truth_in
@@ -89,7 +89,7 @@ def open_parquet(path: Path, sensor: Sensor | None, columns: Columns | None = No
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """Names of the columns that are read. seconds: factor from times to s. rate_hz: of a file without times.
+    """Names of the columns that are read. per_second: units of its times. rate_hz: of a file without times.
     listed: numbers in each row of the one column, a list; 0 where each taxel has a column.
     """
 
@@ -97,7 +97,7 @@ class _Table:
     time: str | None
     taxels: tuple[str, ...]
     joints: tuple[str, ...]
-    seconds: float
+    per_second: float
     rate_hz: float
     listed: int = 0
 
@@ -148,16 +148,18 @@ def _table(path: Path, schema: Any, asked: Columns) -> _Table:
             seen = f"column {name!r} holds {kind}, not numbers"
             remedy = "store angles in rad" if number in angles else "choose others with --columns.taxels"
             raise RecordingCorrupt(path, seen, remedy)
-    seconds = asked.seconds
+    per_second = asked.per_second
     if time is not None and arrow.types.is_timestamp(schema.types[time]):
-        seconds = SECONDS_PER[schema.types[time].unit]
+        per_second = PER_SECOND[schema.types[time].unit]
     elif time is not None and arrow.types.is_string(schema.types[time]):
-        seconds = 1.0
+        per_second = 1.0
     elif time is not None and not _numeric(arrow, schema.types[time]):
         seen = f"column {schema.names[time]!r} holds {schema.types[time]}, not times"
         raise RecordingCorrupt(path, seen, "choose another with --columns.time")
     names, joints = (tuple(schema.names[number] for number in chosen) for chosen in (taxels, angles))
-    return _Table(path, None if time is None else schema.names[time], names, joints, seconds, asked.rate_hz or np.nan)
+    return _Table(
+        path, None if time is None else schema.names[time], names, joints, per_second, asked.rate_hz or np.nan
+    )
 
 
 def _joints(table: _Table, asked: Columns, scans: int) -> Joints | None:
@@ -200,7 +202,7 @@ def _groups(blocks: Iterable[RawScans]) -> Iterator[RawScans]:
 def _timed(table: _Table, asked: Columns, scans: int, block: int) -> Iterator[RawScans]:
     if asked.times is None:
         return _read(table, scans, block)
-    return timed(lambda: _read(table, scans, block), read_times(asked.times, asked.seconds), table.path, asked.times)
+    return timed(lambda: _read(table, scans, block), read_times(asked.times, asked.per_second), table.path, asked.times)
 
 
 def _read(table: _Table, scans: int, block: int) -> Iterator[RawScans]:
@@ -250,7 +252,7 @@ def _scans(table: _Table, batch: Any, done: int) -> RawScans:
             values[:, number] = _floats(batch.column(name))
     if table.time is None:
         return RawScans(np.arange(done, done + len(batch)) / table.rate_hz, values)
-    return RawScans(_floats(batch.column(table.time)) * table.seconds, values)
+    return RawScans(_floats(batch.column(table.time)) / table.per_second, values)
 
 
 def _listed(table: _Table, column: Any, done: int) -> Floats:

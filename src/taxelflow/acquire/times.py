@@ -38,10 +38,10 @@ def is_iso(text: str) -> bool:
     return True
 
 
-def read_times(path: Path, seconds: float) -> Floats:
+def read_times(path: Path, per_second: float) -> Floats:
     """(scans,) in s, of a text file (the first field of each line, after a heading if there is one) or a .npy.
 
-    seconds: factor from the file's numbers to s. Raises RecordingCorrupt, and OSError if it does not open.
+    per_second: units of the file's numbers in a second. Raises RecordingCorrupt, and OSError if it does not open.
     """
     try:
         if path.stat().st_size > MOST_ARRAY_BYTES:
@@ -50,13 +50,13 @@ def read_times(path: Path, seconds: float) -> Floats:
             found = open_memmap(path, mode="r")
             if found.ndim != 1 or found.dtype.kind not in "fiu":
                 raise ValueError(f"it holds {found.dtype} {found.shape}")
-            return np.asarray(found, dtype=np.float64) * seconds
-        return _text_times(path, seconds)
+            return np.asarray(found, dtype=np.float64) / per_second
+        return _text_times(path, per_second)
     except (ValueError, EOFError) as error:
         raise RecordingCorrupt(path, str(error), _REMEDY) from error
 
 
-def _text_times(path: Path, seconds: float) -> Floats:
+def _text_times(path: Path, per_second: float) -> Floats:
     times = array("d")
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE), ""), 1):
@@ -64,7 +64,7 @@ def _text_times(path: Path, seconds: float) -> Floats:
             if is_iso(field):
                 times.append(iso_seconds(field))
             elif field and (number > 1 or _is_number(field)):
-                times.append(_time(field, number) * seconds)
+                times.append(_time(field, number) / per_second)
     return np.array(times)
 
 

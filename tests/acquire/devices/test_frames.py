@@ -11,6 +11,7 @@ from taxelflow.acquire.devices.base import Arrival, Faults
 from taxelflow.acquire.devices.dsa import POLYNOMIAL, DsaParser, Message, cells_of
 from taxelflow.acquire.devices.dsa import frame as dsa_frame
 from taxelflow.acquire.devices.frames import FrameParser, crc_table
+from taxelflow.acquire.devices.line import LineParser
 from taxelflow.acquire.devices.timeline import Timeline
 from taxelflow.acquire.devices.udp import _Whole
 from taxelflow.sensors.frame import Frame
@@ -30,6 +31,13 @@ def times(parser: FrameParser | _Whole, *t_s: float) -> list[float]:
 @pytest.fixture
 def parser() -> FrameParser:
     return FrameParser(FRAME, 1, Faults(), timed=True)
+
+
+def test_times_in_us_are_the_numbers_that_times_in_s_are_read_as(parser: FrameParser) -> None:
+    sent = [k / 100 for k in range(800)]
+    assert times(parser, *sent) == sent
+    lines = LineParser(1, Faults(), timed=True, per_second=1e3)
+    assert [t_s for k in range(800) for t_s, _ in lines.feed(f"{10 * k},7\n".encode())] == sent
 
 
 def test_a_clock_that_wraps_goes_on(parser: FrameParser) -> None:

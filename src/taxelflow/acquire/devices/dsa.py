@@ -157,7 +157,7 @@ class DsaParser:
             words = np.repeat(words & 0xFFF, words >> 12)
         if len(words) != self._cells:
             return None
-        return 1e-3 * self._clock.unwrapped(float(t_ms)), words[self._taxel_cells].astype(np.float64)
+        return self._clock.unwrapped(float(t_ms)) / 1e3, words[self._taxel_cells].astype(np.float64)
 
 
 class _DsaLine(SerialLine):

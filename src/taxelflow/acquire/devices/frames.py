@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 
 class _Clock(NamedTuple):
-    """A device's clock: type of its number, its unit, and after how many units it wraps (0: never)."""
+    """A device's clock: type of its number, its units in a second, and after how many it wraps (0: never)."""
 
     number: str
-    unit_s: float
+    per_second: float
     wraps: float
 
 
 _CLOCKS = {
-    "uint32_ms": _Clock("u4", 1e-3, 2.0**32),
-    "uint32_us": _Clock("u4", 1e-6, 2.0**32),
-    "uint64_us": _Clock("u8", 1e-6, 0.0),
+    "uint32_ms": _Clock("u4", 1e3, 2.0**32),
+    "uint32_us": _Clock("u4", 1e6, 2.0**32),
+    "uint64_us": _Clock("u8", 1e6, 0.0),
     "float64_s": _Clock("f8", 1.0, 0.0),
 }
 
@@ -85,7 +85,7 @@ class FrameForm:
         """A scan as a frame; readings of integer types are rounded and limited to their range."""
         content = b""
         if self.time is not None and self.clock is not None:
-            ticks = t_s / self.clock.unit_s
+            ticks = t_s * self.clock.per_second
             if self.time.kind == "u":
                 ticks = float(round(ticks)) % self.clock.wraps if self.clock.wraps else float(round(ticks))
             content = np.array(ticks, self.time).tobytes()
@@ -148,4 +148,4 @@ class FrameParser:
         if form.time is None or form.clock is None or not self._timed:
             return None, values
         ticks = float(np.frombuffer(content, form.time, 1)[0])
-        return self._clock.unwrapped(ticks) * form.clock.unit_s, values
+        return self._clock.unwrapped(ticks) / form.clock.per_second, values

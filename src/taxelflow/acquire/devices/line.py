@@ -33,12 +33,12 @@ class LineParser:
         timed: bool,
         joins_late: bool = False,
         ends_cut: bool = False,
-        unit_s: float = 1.0,
+        per_second: float = 1.0,
     ) -> None:
         """joins_late: the first bytes may be the rest of a line, and are left out up to its end. ends_cut: the last
-        line may be the beginning of one, and counts with its newline only. unit_s: of times.
+        line may be the beginning of one, and counts with its newline only. per_second: units of times.
         """
-        self._columns, self._faults, self._timed, self._unit_s = columns, faults, timed, unit_s
+        self._columns, self._faults, self._timed, self._per_second = columns, faults, timed, per_second
         self._joins_late, self._ends_cut = joins_late, ends_cut
         self.restart()
 
@@ -83,7 +83,7 @@ class LineParser:
         if not math.isfinite(numbers[0]):
             self._faults.count("bad line", f"its time is {numbers[0]}")
             return None
-        return numbers[0] * self._unit_s, np.array(numbers[1:])
+        return numbers[0] / self._per_second, np.array(numbers[1:])
 
     def _numbers(self, line: bytes, wanted: int) -> list[float] | None:
         """Numbers of a line written in any way; None if it is no scan."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from taxelflow.acquire.base import Recording
-from taxelflow.acquire.columns import SECONDS_PER
+from taxelflow.acquire.columns import PER_SECOND
 from taxelflow.acquire.devices.base import Arrival, Backoff
 from taxelflow.errors import AddressInvalid, PortTaken, SensorNeeded, SourceUnreachable
 from taxelflow.sensors.catalogue import builtin_sensors
@@ -192,12 +192,14 @@ def parser_of(
     columns = sensor.channel_map.columns
     timed = address.choice("time", ("device", "arrival")) == "device"
     form = address.choice("format", ("binary", "line") if sensor.frame is not None else ("line",))
-    unit = address.choice("time-unit", tuple(SECONDS_PER))
+    unit = address.choice("time-unit", tuple(PER_SECOND))
     if "time-unit" in address.options and not (timed and form == "line"):
         raise AddressInvalid(address.url, f"time-unit={unit}", "it for lines with a time only")
     if sensor.frame is not None and form == "binary":
         return FrameParser(sensor.frame, columns, faults, timed=timed)
-    return LineParser(columns, faults, timed=timed, joins_late=joins_late, ends_cut=ends_cut, unit_s=SECONDS_PER[unit])
+    return LineParser(
+        columns, faults, timed=timed, joins_late=joins_late, ends_cut=ends_cut, per_second=PER_SECOND[unit]
+    )
 
 
 def words(error: OSError) -> str:

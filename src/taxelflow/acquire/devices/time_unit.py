@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 from statistics import median
 
-from taxelflow.acquire.columns import RATES, SECONDS_PER, likely_unit
+from taxelflow.acquire.columns import PER_SECOND, RATES, likely_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class TimeUnit:
         unit = likely_unit(rate_hz)
         if unit is None or unit == "s":
             return False
-        device_s, computer_s = SECONDS_PER[unit] * sum(steps_s), sum(passed for _, passed in self._steps)
+        device_s, computer_s = sum(steps_s) / PER_SECOND[unit], sum(passed for _, passed in self._steps)
         agree = computer_s / _STEPS.alike < device_s < computer_s * _STEPS.alike
         if agree or rate_hz < RATES.slowest_hz:
             self.doubt = (
