@@ -126,6 +126,12 @@ def test_a_log_without_times_has_a_rate_and_that_is_noted(tmp_path: Path) -> Non
         ("t_s,a,b\n0,1,2\n", "no column 'stamp': the header starts with 't_s,a,b'", {"time": "stamp"}),
         ("t_s,a,b\n0,1,2\n", "3 taxels per scan but sensor 'plain' has 2", {"rate_hz": 1.0}),
         (
+            "0;1;2\n1;3;4\n",
+            "its first row has one field, '0;1;2'; set --columns.delimiter ';'",
+            {"header": False, "time": "0"},
+        ),
+        ("a b\n1 2\n3 4\n", "its first row has one field, 'a b'; set --columns.delimiter space", {"rate_hz": 1.0}),
+        (
             "t_s,a,b\n0,1,left\n",
             "scan 0: column 'b' holds 'left', which is no number; leave the field of a missing",
             {},

@@ -21,7 +21,7 @@ from taxelflow.acquire.column_pads import check_pads
 from taxelflow.acquire.columns import JOINT, Columns
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_BYTES, BLOCK_SCANS
-from taxelflow.acquire.table_remedies import REMEDY, SHOWN, fewer_taxels, for_field
+from taxelflow.acquire.table_remedies import REMEDY, SHOWN, fewer_taxels, for_field, for_separator
 from taxelflow.acquire.times import is_iso, iso_seconds, read_times, timed
 from taxelflow.errors import (
     RecordingCorrupt,
@@ -62,6 +62,8 @@ def open_csv(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
     except csv.Error as error:
         raise RecordingCorrupt(path, str(error), REMEDY) from error
     names = fields if asked.header else [str(number) for number in range(len(fields))]
+    if len(fields) == 1 and sensor is not None and sensor.channel_map.columns > 1:
+        _check_separator(path, asked, fields[0])
     time, taxels = asked.find(path, names)
     if sensor is None:
         raise SensorNeeded(path, builtin_sensors())
@@ -78,6 +80,13 @@ def open_csv(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
         () if asked.rate_hz is None else (f"times computed from the rate of {asked.rate_hz:g} Hz: the log has none",)
     )
     return Recording(path, path.suffix.lower().lstrip("."), sensor, table.blocks, joints=angles, notes=notes)
+
+
+def _check_separator(path: Path, asked: Columns, row: str) -> None:
+    """Raises RecordingCorrupt if a row of one field has another separator, and no search for the time will tell."""
+    untimed = asked.rate_hz is not None or asked.times is not None
+    if (untimed or not asked.header) and (remedy := for_separator(row)):
+        raise RecordingCorrupt(path, f"its first row has one field, {row[:SHOWN]!r}", remedy)
 
 
 def _has_iso_time(row: str, delimiter: str | None, time: int) -> bool:

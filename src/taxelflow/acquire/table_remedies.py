@@ -31,12 +31,17 @@ def for_time(names: Sequence[str], *, header: bool) -> str:
         return "it is no text in UTF-8: unpack it (gunzip) or convert it (iconv -f UTF-16 -t UTF-8)"
     if first.startswith("#"):
         return "pass over lines of comments with --columns.skip N, or name the time with --columns.time"
-    separator = next((one for one in _SEPARATORS if one in first), None) if len(names) == 1 else None
-    if separator is not None:
-        return f"set --columns.delimiter {_SEPARATORS[separator]}"
+    if len(names) == 1 and (remedy := for_separator(first)):
+        return remedy
     if len(names) > 1 and all(re.fullmatch(_NUMBER, name.strip()) for name in names):
         return "where it has no header, add --columns.no-header and the time's column, such as --columns.time 0"
     return _by_name(names)
+
+
+def for_separator(row: str) -> str:
+    """Where a row has one field: the separator that it suggests; empty if it has none."""
+    found = next((one for one in _SEPARATORS if one in row), None)
+    return "" if found is None else f"set --columns.delimiter {_SEPARATORS[found]}"
 
 
 def _by_name(names: Sequence[str]) -> str:
