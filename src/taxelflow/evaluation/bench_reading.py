@@ -106,7 +106,7 @@ def _write_bag(recording: Recording, path: Path) -> None:
     layout = store.types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
     with Writer(path) as writer:
         link = writer.add_connection("/touch", kind, typestore=store)
-        for block in recording.blocks():
+        for block in recording.source_blocks():
             for t_s, values in zip(block.t_s.tolist(), block.values, strict=True):
                 message = store.types[kind](layout=layout, data=values)
                 writer.write(link, max(0, round(t_s * 1e9)), store.serialize_ros1(message, kind))
