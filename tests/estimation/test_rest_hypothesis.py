@@ -19,6 +19,7 @@ from taxelflow.estimation import rest_hypothesis
 from taxelflow.estimation.rest_hypothesis import RestHypothesis, Shifts
 from taxelflow.estimation.rest_weight import share_of_motion
 from taxelflow.messages import AMBIGUOUS, OK, cut
+from taxelflow.numerics.bins import Bin
 from taxelflow.numerics.rest_or_slide import compare
 from taxelflow.pipeline import api
 
@@ -208,3 +209,18 @@ def test_excursions_that_come_back_are_what_the_load_does_and_slides_are_not() -
     shifts.forget()
     shifts.see(np.array([0.0, 10.0]))
     np.testing.assert_array_equal(shifts.covariance, before)
+
+
+@pytest.mark.parametrize("rounding_s", [-4e-16, 4e-16])
+def test_how_long_an_object_stays_does_not_depend_on_the_rounding_of_times(
+    rounding_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(RestHypothesis, "_has_moved", lambda *_: True)
+    rest, ones = RestHypothesis(SENSOR.layout, stream=True), np.ones(SENSOR.layout.taxels)
+    true = np.ones(1, dtype=np.bool_)
+    origins = []
+    for until_s, x_m in ((0.0, 0.0), (0.1, 2 * PITCH_M), (0.5 + rounding_s, 2 * PITCH_M), (0.6, 2 * PITCH_M)):
+        seen = Bin(until_s - 0.1, until_s, ones, ones > 1.0, true, true, None, ones)
+        rest._compare(0, seen, np.array([x_m, 0.0, 0.0]))
+        origins.append(float(rest._origin_m[0, 0]))
+    assert origins == [0.0, 0.0, 0.0, 2 * PITCH_M]

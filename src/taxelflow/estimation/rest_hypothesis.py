@@ -29,6 +29,7 @@ from taxelflow.estimation.rest_weight import Beside, weigh_rest
 from taxelflow.estimation.sticking_poses import StickingPoses
 from taxelflow.messages import Bools, Floats, joined
 from taxelflow.numerics.bins import AHEAD_S
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.rest_or_slide import compare, overlap
 from taxelflow.numerics.rounding import BLURRED
 from taxelflow.runtime.settled import Settled
@@ -232,7 +233,7 @@ class RestHypothesis:
             else:
                 shifts.see(pose[:2] - self._origin_m[pad])
             self._shifted[pad] = shifts.covariance
-        rests = self._moved[pad] and seen.until_s - since_s > _REST.stays_s
+        rests = self._moved[pad] and seen.until_s - since_s > _REST.stays_s + SAME_S
         if before is None or rests:
             self._moved[pad] = False
             self._excursion[pad] += 1
