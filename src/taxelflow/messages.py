@@ -473,6 +473,12 @@ class Output:
     def __len__(self) -> int:
         return len(self.slips)
 
+    @property
+    def suspected(self) -> Bools:
+        """(scans, pads), whether a pad slips, or its pose does without its pattern's consent; a grip acts on both."""
+        suspected: Bools = self.slipping | (self.statistic > 1.0)
+        return suspected
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearnedPattern:

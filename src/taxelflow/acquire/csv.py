@@ -83,7 +83,7 @@ def open_csv(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
 
 
 def _check_separator(path: Path, asked: Columns, row: str) -> None:
-    """Raises RecordingCorrupt if a row of one field has another separator, and no search for the time will tell."""
+    """Raises RecordingCorrupt if a row of one field has another separator, where no search for the time finds it."""
     untimed = asked.rate_hz is not None or asked.times is not None
     if (untimed or not asked.header) and (remedy := for_separator(row)):
         raise RecordingCorrupt(path, f"its first row has one field, {row[:SHOWN]!r}", remedy)

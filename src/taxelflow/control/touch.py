@@ -76,7 +76,7 @@ class _Felt:
         place_m, place_std_m = np.full((pads, 2), np.nan), np.zeros(pads)
         if out is not None and len(out):
             slips, signs = out.slips, self._signs
-            slipping = out.slipping[-1, :pads] | (out.statistic[-1, :pads] > 1.0)
+            slipping = out.suspected[-1, :pads]
             velocity, ready = signs * slips.velocity[-1, :pads], True
             square_s2 = slips.span_s[-1, :pads, None, None] ** 2
             both = signs[:, :, None] * signs[:, None, :]
