@@ -51,8 +51,8 @@ def test_a_slip_faster_than_the_scans_is_reported_when_the_contact_has_settled(k
         slips.displacement[GONE + 1 : GONE + 3] = np.nan
     start, stop = watched(slips)[1:]
     assert (start.event, stop.event) == ("slip_start", "slip_stop")
-    assert start.t_s == pytest.approx((BACK + 4) / RATE_HZ)  # a tenth of a second after it was held again
-    assert stop.t_s == pytest.approx((BACK + 5) / RATE_HZ)
+    assert start.t_s == pytest.approx((BACK + 3) / RATE_HZ)  # a tenth of a second after it was held again
+    assert stop.t_s == pytest.approx((BACK + 4) / RATE_HZ)
     assert start.onset_s == pytest.approx((GONE - 0.75) / RATE_HZ)
     assert GONE / RATE_HZ < stop.onset_s < (GONE + 2) / RATE_HZ
     way = (stop.onset_s - start.onset_s) * stop.speed_m_s

@@ -72,6 +72,13 @@ def test_events_alternate_agree_with_the_flags_and_come_in_order() -> None:
         told[round(event.t_s * RATE_HZ)] += {"slip_start": 1, "slip_stop": -1}.get(event.event, 0)
     np.testing.assert_array_equal(np.cumsum(told)[:-1], flags[:, 0])
     assert not flags[~slips.contact].any()
+    assert all(slip_scans(events))
+
+
+def slip_scans(events: list[Event]) -> list[int]:
+    """Scans of each slip that has ended."""
+    of_slips = [round(event.t_s * RATE_HZ) for event in events if event.event in ("slip_start", "slip_stop")]
+    return [stop - start for start, stop in zip(of_slips[::2], of_slips[1::2], strict=False)]
 
 
 def test_it_holds_back_only_so_many_scans() -> None:

@@ -264,5 +264,5 @@ def _in_time(rows: _Rows, ahead_s: float) -> Bools:
         next_s = np.where(rows.excursion[scan] == last, next_s, np.inf)
         last = rows.excursion[scan]
         next_s = np.where(rows.moved[scan], rows.t_s[scan], next_s)
-        moved[scan] |= next_s <= rows.t_s[scan] + ahead_s
+        moved[scan] |= next_s <= rows.t_s[scan] + ahead_s + SAME_S
     return moved

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.numerics.clock import SAME_S
+
 if TYPE_CHECKING:
     from taxelflow.messages import Bools, Floats, Scans
 
@@ -65,7 +67,7 @@ class Binning:
             self._open.touching = self._open.touching & touching
             self._open.whole = self._open.whole & whole
             self._open.scans, self._open.until_s = self._open.scans + 1, t_s
-        if t_s - self._open.since_s + 1.5 * min(step_s, _LONGEST_S) < BIN_S:
+        if t_s - self._open.since_s + 1.5 * min(step_s, _LONGEST_S) < BIN_S - SAME_S:
             return None
         found, self._open = self._open, None
         return found

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.clock import ROUNDING_S
+from taxelflow.numerics.clock import ROUNDING_S, SAME_S
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.runtime.compiling import kernel, routine
 from taxelflow.slip.covariance import multiply, translation_variance
@@ -96,7 +96,7 @@ def follow(observations: Records, held: Records, states: Records, slipping: Bool
             scan, change = observations[number, pad], changes[number, pad]
             _clear(change)
             silent = scan.contact and scan.load == 0.0  # no reading of the pad, which is late or slower than others
-            if silent and scan.t_s - state.last_s <= parameters.settle_s:
+            if silent and scan.t_s - state.last_s <= parameters.settle_s + SAME_S:
                 slipping[number, pad] = state.mode == SLIPPING and not slide.stop_reported
                 continue
             _update_load(scan, state)
@@ -184,7 +184,7 @@ def _settle(parameters: Parameters, state: PadState) -> None:
     variance = translation_variance(measurement.covariance) * noise_scale(rest)
     yaw_known = not np.isnan(measurement.covariance.variance[2]) and (state.poses == 1 or rest.yaw_poses > 0)
     _start_rest(measurement.position, variance, yaw_known, parameters, state)
-    if state.poses >= _MIN_POSES and measurement.t_s - state.first_s >= parameters.settle_s:
+    if state.poses >= _MIN_POSES and measurement.t_s - state.first_s >= parameters.settle_s - SAME_S:
         state.mode = RESTING
 
 
@@ -275,7 +275,7 @@ def _test_disturbance(scan: Observation, parameters: Parameters, state: PadState
             state.mode = RESTING
             change.onset_s = scan.t_s
         return
-    settled, accepted = scan.t_s - state.first_s >= parameters.settle_s, scan.t_s - state.last_s
+    settled, accepted = scan.t_s - state.first_s >= parameters.settle_s - SAME_S, scan.t_s - state.last_s
     accepted /= parameters.alarm_interval_s
     change.statistic = accepted / p_value if settled else np.nan
     if settled and p_value < accepted:

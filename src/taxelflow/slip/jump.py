@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.messages import LOST
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.runtime.compiling import routine
 from taxelflow.slip.measurement import Measurement, Observation, Parameters
 
@@ -93,7 +94,7 @@ def jump_p_value(measurement: Measurement, parameters: Parameters, jump: JumpSta
     """
     if not jump.load_fell:
         return 1.0
-    late = measurement.t_s - jump.rest_s > LOAD.settling_times * parameters.settle_s
+    late = measurement.t_s - jump.rest_s > LOAD.settling_times * parameters.settle_s + SAME_S
     held = measurement.log_load - jump.min_log_load > LOAD.jump
     if late or held:
         jump.load_fell = False

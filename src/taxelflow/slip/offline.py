@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import Event, Floats, Slips
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.slip.measurement import LEAST_STD
 from taxelflow.slip.onset import RAMPS
@@ -114,13 +115,18 @@ class OfflineSlipSession:
         slipping = np.zeros((len(times), len(self._pads)), dtype=np.bool_)
         found: list[tuple[int, int, Event]] = []
         for number, pad in enumerate(self._pads):
-            done = 0
-            while pad.refined and len(times) and pad.refined[0].onset_s <= times[-1]:
-                event = pad.refined.pop(0)
-                scan = int(np.searchsorted(times, event.onset_s))
+            done, began = 0, -1
+            while pad.refined and len(times) and pad.refined[0].onset_s <= times[-1] + SAME_S:
+                event = pad.refined[0]
+                least = began + 1 if event.event == "slip_stop" else done  # a slip has a scan, however short it is
+                scan = max(int(np.searchsorted(times, event.onset_s - SAME_S)), least)
+                if scan == len(times):
+                    break
+                pad.refined.pop(0)
                 slipping[done:scan, number], done = pad.slipping, scan
                 found.append((scan, number, _at_scan(event, float(times[scan]))))
                 pad.slipping = {"slip_start": True, "slip_stop": False}.get(event.event, pad.slipping)
+                began = scan if event.event == "slip_start" else began
             slipping[done:, number] = pad.slipping
         statistic = self._statistic[start - self._first : stop - self._first].copy()
         self._given = stop

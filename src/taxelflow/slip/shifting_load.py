@@ -32,6 +32,7 @@ import numpy as np
 
 from taxelflow.messages import Floats
 from taxelflow.numerics.bins import BIN_S
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.rest_or_slide import compare, overlap
 from taxelflow.numerics.robust import CLEARLY
 from taxelflow.runtime.compiling import kernel
@@ -179,7 +180,7 @@ class ShiftingLoad:
         """A slip by the pose that begins; a method without displacement has no way to doubt."""
         if np.isnan(event.speed_m_s):
             return _Claim(event.onset_s, still=True, since_s=-np.inf)
-        stirred = [flags[pad] for since_s, flags in self._stirred if since_s + _WINDOW_S <= event.onset_s]
+        stirred = [flags[pad] for since_s, flags in self._stirred if since_s + _WINDOW_S <= event.onset_s + SAME_S]
         steady = np.array([flag for flag in stirred if not np.isnan(flag)])
         still = len(steady) >= _STILL.bins and bool(steady.mean() <= RESTLESS_SHARE)
         earlier = [
@@ -203,7 +204,7 @@ class ShiftingLoad:
     def _judge(self, seen: _Seen) -> None:
         """One more bin: compare the patterns that have not shown their slip yet."""
         self._seen.append(seen)
-        oldest_s = seen.bin.until_s - _STILL.history_s
+        oldest_s = seen.bin.until_s - _STILL.history_s - SAME_S
         self._seen = [one for one in self._seen if one.bin.until_s >= oldest_s]
         self._stirred = [one for one in self._stirred if one[0] >= oldest_s]
         for pad, claim in self._claims.items():
@@ -220,7 +221,7 @@ class ShiftingLoad:
             if claim.shown or not (scans.contact[scan, pad] and scans.complete[scan, pad]):
                 continue
             (since_s, until_s), t_s = claim.scans_s, float(scans.t_s[scan])
-            if since_s <= t_s <= until_s:
+            if since_s - SAME_S <= t_s <= until_s + SAME_S:
                 claim.scans_s = t_s + BIN_S / 10, until_s  # large pads take milliseconds
                 own = scans.pressure[scan, self._layout.of_pad(pad)]
                 now = _Pattern(t_s, own, 1, self._path_m[pad])
@@ -291,7 +292,7 @@ def ahead(since_s: Floats, slipping: Bools, t_s: Floats, within_s: float, count:
         consents = slipping[scan] & (since_s[scan] < np.inf)
         own_s = np.where(slipping[scan], np.where(consents, t_s[scan], own_s), np.inf)
         own = np.where(consents, since_s[scan], own)
-        shown, latest_s = own_s < np.inf, t_s[scan] + within_s
+        shown, latest_s = own_s < np.inf, t_s[scan] + within_s + SAME_S
         coming_s = np.where(shown, own_s, coming_s)
         coming = np.where(shown, np.maximum(own, t_s[scan]), coming)
         soon[scan] = np.where(own_s <= latest_s, own, np.where(coming_s <= latest_s, coming, np.inf))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.records import Records, records
 from taxelflow.numerics.rounding import BLURRED
 from taxelflow.runtime.compiling import kernel, routine
@@ -90,7 +91,7 @@ def _go_on(t_s: float, displacement: Floats, reach_m: float, state: Follow) -> f
     for axis in range(2):
         state.way_m[axis] += 0.0 if np.isnan(displacement[axis]) else displacement[axis]
     length_m = np.hypot(state.way_m[0], state.way_m[1])
-    if length_m <= state.next_m or t_s < state.last_s + _AGAIN_S:
+    if length_m <= state.next_m or t_s < state.last_s + _AGAIN_S - SAME_S:
         return np.nan
     state.last_s, state.next_m = t_s, reach_m * (length_m // reach_m + 1.0)
     return state.since_s

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.messages import OK, QUALITY, Event
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.runtime.blocks import is_block
 from taxelflow.slip.decision import Flags, decide, decide_block, find_vague
 from taxelflow.slip.odds import LIVE_DELAY_S
@@ -148,7 +149,7 @@ class Verdict:
             scan = int(np.searchsorted(slips.t_s, event.t_s))
             visible[start:scan], start = self._began_early, scan
             if event.event == "slip_start":
-                self._began_early[0, self._numbers[event.pad]] = event.t_s - event.onset_s > LIVE_DELAY_S
+                self._began_early[0, self._numbers[event.pad]] = event.t_s - event.onset_s > LIVE_DELAY_S + SAME_S
         visible[start:] = self._began_early
         return visible
 

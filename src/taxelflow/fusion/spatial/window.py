@@ -12,6 +12,7 @@ import numpy as np
 
 from taxelflow.fusion.reference import UNOBSERVABLE_M_S
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.numerics.se3 import copy_matrix
 from taxelflow.numerics.small_linalg import mirror
@@ -68,14 +69,14 @@ def rates(seen: Seen, scan: int, window_s: float, out: Velocities) -> None:
         out.known[pad] = False
         if not seen.known[scan, pad]:
             continue
-        first, count = scan, 0
+        first, count, since_s = scan, 0, seen.t_s[scan] - window_s - SAME_S
         going_on = True
-        while going_on and first >= 0 and seen.held[first, pad] and seen.t_s[first] >= seen.t_s[scan] - window_s:
+        while going_on and first >= 0 and seen.held[first, pad] and seen.t_s[first] >= since_s:
             count += seen.known[first, pad]
             going_on = seen.kept[first, pad]
             first -= 1
         first += 1
-        if count >= LINE_POINTS and seen.t_s[scan] - seen.t_s[first] >= _LEAST_SHARE * window_s:
+        if count >= LINE_POINTS and seen.t_s[scan] - seen.t_s[first] >= _LEAST_SHARE * window_s - SAME_S:
             fit_line(seen, pad, first, scan, out)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from taxelflow.fusion.spatial.window import Seen
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED, Bools, Bytes, Floats
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.se3 import compose, copy_matrix
 from taxelflow.runtime.compiling import exact_kernel, routine
@@ -68,7 +69,7 @@ def fill_rows(slips: PadSlips, frames: Floats, rules: Records, first: int, seen:
             if resolved or not held or np.isnan(rule.since_s):
                 rule.since_s = seen.t_s[row]
             known = known and all_finite(frames[scan, pad], 4)
-            known = known and (resolved or seen.t_s[row] - rule.since_s >= rule.patience_s)
+            known = known and (resolved or seen.t_s[row] - rule.since_s >= rule.patience_s - SAME_S)
             fill_noise(slips.displacement_covariance[scan, pad], seen.covariance[row, pad], seen.noise[row, pad])
             seen.theta[row, pad] = slips.pose[scan, pad, 2]
             if not slips.turns[scan, pad]:

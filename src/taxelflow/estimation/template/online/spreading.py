@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import ceil, inf
 from typing import TYPE_CHECKING, NamedTuple
 
+from taxelflow.numerics.clock import SAME_S
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -23,7 +25,7 @@ TURN = _Turn()
 
 def most_at_once(pads: int, step_s: float) -> int:
     """How many of these pads have a turn in a scan. step_s: time since the scan before."""
-    return max(ceil(pads * min(step_s / TURN.every_s, 1.0)), 1)
+    return max(ceil(pads * min((step_s - SAME_S) / TURN.every_s, 1.0)), 1)
 
 
 class Turns:
@@ -36,7 +38,7 @@ class Turns:
         """Which of the pads that ask have their turn now, in order: those that have waited longest, up to this many."""
         last = self._last_s
         least_s = TURN.share * TURN.every_s
-        due = sorted((pad for pad in asking if now_s - last[pad] >= least_s), key=lambda pad: last[pad])
+        due = sorted((pad for pad in asking if now_s - last[pad] >= least_s - SAME_S), key=lambda pad: last[pad])
         chosen = sorted(due[:most])
         for pad in chosen:
             last[pad] = now_s
