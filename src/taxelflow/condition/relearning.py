@@ -14,6 +14,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from taxelflow.condition.baseline import update_baseline
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.runtime.adoption import AtFixedTimes, Lane
 from taxelflow.runtime.worker import worker
 
@@ -52,7 +53,7 @@ class Relearning:
     ) -> None:
         """put: uses a baseline. adopting: at fixed times if left out."""
         self._parameters, self._sensor, self._put = parameters, sensor, put
-        self._lane = Lane("tare", adopting or AtFixedTimes())
+        self._lane = Lane("tare", adopting or AtFixedTimes(SAME_S))
         self._beside: Runs = _thread() if self._lane.adopting.waits else worker()
 
     @property

@@ -64,9 +64,13 @@ class AtFixedTimes:
 
     waits = True
 
+    def __init__(self, same_s: float = 0.0) -> None:
+        """same_s: times that are closer than this are equal."""
+        self._same_s = same_s
+
     def due_s(self, job: Job) -> float:
         """See `Adopting`."""
-        return job.planned_s
+        return job.planned_s - self._same_s
 
     def note(self, adoption: Adoption) -> None:
         """Nothing to record: the times are known."""

@@ -36,6 +36,7 @@ from taxelflow.estimation.template.online.witness import (
 )
 from taxelflow.messages import no_scans
 from taxelflow.numerics.bspline import STATE, state_of
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.records import record, records
 from taxelflow.numerics.rounding import NEGLIGIBLE
 from taxelflow.runtime.adoption import AtFixedTimes
@@ -60,7 +61,7 @@ class LocalMaps:
 
     def __init__(self, layout: Layout, workers: Workers, latency_s: float, adopting: Adopting | None = None) -> None:
         """adopting: at fixed times if left out."""
-        adopting = adopting or AtFixedTimes()
+        adopting = adopting or AtFixedTimes(SAME_S)
         self._layout, pads = layout, len(layout.pads)
         self.hand = hand_of(layout)
         self.tracks = records(Track, pads)

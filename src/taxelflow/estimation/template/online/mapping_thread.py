@@ -12,7 +12,6 @@ from taxelflow.estimation.template.online.gauge import Reported
 from taxelflow.estimation.template.online.map_update import learn
 from taxelflow.estimation.template.online.track_state import KEYFRAMES
 from taxelflow.numerics.bspline import State, state_of
-from taxelflow.numerics.clock import SAME_S
 from taxelflow.runtime.adoption import Lane
 
 if TYPE_CHECKING:
@@ -87,8 +86,8 @@ class Learner:
         known = replace(known, fresh=waiting, looked=0 if may_turn and not known.turns else known.looked)
         share = _YOUNG_LATENCY if len(known.keyframes) + waiting < KEYFRAMES.young else 1.0
         begun_s = max(fresh[-1].t_s, now_s)
-        work, due_s = self._workers.mapper.submit(learn_from, known, fresh), begun_s + share * self._latency_s - SAME_S
-        self.lane.renew(work, begun_s, due_s, partial(self._adopt, put, fresh, newest))
+        work = self._workers.mapper.submit(learn_from, known, fresh)
+        self.lane.renew(work, begun_s, begun_s + share * self._latency_s, partial(self._adopt, put, fresh, newest))
 
     def _adopt(self, put: Callable[[LocalMap], None], fresh: list[Candidate], newest: Floats, new: LocalMap) -> None:
         """Adopt what was learned from these scans. Later requests were for the pattern before: of another kind."""
