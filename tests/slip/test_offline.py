@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from sliding import RATE_HZ, STD, kinds, slips_of
 from synthetic import pieces
 from taxelflow.messages import Bools, Event, Floats, Slips
+from taxelflow.slip.offline import OfflineSlipSession
 from taxelflow.slip.parameters import SlipMonitor
 
 
@@ -73,6 +74,17 @@ def test_events_alternate_agree_with_the_flags_and_come_in_order() -> None:
     np.testing.assert_array_equal(np.cumsum(told)[:-1], flags[:, 0])
     assert not flags[~slips.contact].any()
     assert all(slip_scans(events))
+
+
+@pytest.mark.parametrize(("dated_s", "scans"), [(1.5, 1), (3.99, 0)], ids=["within", "last scan"])
+def test_a_slip_that_begins_and_ends_in_a_scan_has_one_that_slips(
+    dated_s: float, scans: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(OfflineSlipSession, "_change_point", lambda *_: dated_s)
+    flags, events = seen(slips_of(slid((1.0, 1.2))))
+    assert kinds(events)[-2:] == ["slip_start", "slip_stop"]
+    assert slip_scans(events) == [scans]
+    assert np.count_nonzero(flags) == scans
 
 
 def slip_scans(events: list[Event]) -> list[int]:

@@ -111,7 +111,7 @@ class OfflineSlipSession:
             while pad.pending and pad.pending[0][0] + _SEARCH.ahead_scans < seen:
                 self._refine(number, pad)
         start, stop = self._given, max(seen - _SEARCH.back_scans - _SEARCH.ahead_scans, self._given)
-        times = self._t[start - self._first : stop - self._first]
+        times, is_last = self._t[start - self._first : stop - self._first], stop - self._first >= len(self._t)
         slipping = np.zeros((len(times), len(self._pads)), dtype=np.bool_)
         found: list[tuple[int, int, Event]] = []
         for number, pad in enumerate(self._pads):
@@ -120,8 +120,9 @@ class OfflineSlipSession:
                 event = pad.refined[0]
                 least = began + 1 if event.event == "slip_stop" else done  # a slip has a scan, however short it is
                 scan = max(int(np.searchsorted(times, event.onset_s - SAME_S)), least)
-                if scan == len(times):
+                if scan == len(times) and not is_last:
                     break
+                scan = min(scan, len(times) - 1)
                 pad.refined.pop(0)
                 slipping[done:scan, number], done = pad.slipping, scan
                 found.append((scan, number, _at_scan(event, float(times[scan]))))
