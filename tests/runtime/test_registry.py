@@ -142,10 +142,10 @@ def test_a_plugin_that_its_stage_cannot_call_is_refused_by_name(
 ) -> None:
     point = EntryPoint("plug", where, f"taxelflow.{stage}")
     monkeypatch.setattr(registry, "_plugins", lambda asked: {"plug": point} if asked == stage else {})
-    with pytest.raises(PluginBroken) as told:
+    with pytest.raises(PluginBroken) as raised:
         registry.find(stage, "plug")
-    assert str(told.value).startswith(f"cannot use {stage} 'plug' from {where} (")
-    assert seen in str(told.value)
+    assert str(raised.value).startswith(f"cannot use {stage} 'plug' from {where} (")
+    assert seen in str(raised.value)
 
 
 def test_a_plugin_whose_signature_python_does_not_know_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
