@@ -40,6 +40,15 @@ def test_each_contact_has_its_own_slips(cuts: tuple[int, ...]) -> None:
     assert first.turn_rad is None
 
 
+def test_net_displacements_are_the_same_bits_however_the_scans_are_cut() -> None:
+    slips = slips_of(np.cumsum(np.random.default_rng(0).normal(0.0, 1e-4, (300, 3)), axis=0))
+    whole, parts = ContactTotals(("pad",), PITCH_M), ContactTotals(("pad",), PITCH_M)
+    whole.add(slips, [])
+    for start, stop in itertools.pairwise([0, 1, 50, 137, 300]):
+        parts.add(cut(slips, start, stop), [])
+    assert [one.net_m for one in parts.contacts()] == [one.net_m for one in whole.contacts()]
+
+
 def test_speed_is_the_path_over_the_time_of_all_slips() -> None:
     again = replace(STOP, t_s=0.9, onset_s=0.9, path_m=0.02, duration_s=0.1, speed_m_s=0.2, std_path_m=4e-4)
     (first, _) = totals(events=(START, STOP, replace(START, onset_s=0.8), again)).contacts()

@@ -141,7 +141,8 @@ class ContactTotals:
         self._counts[:, 1] += (slips.border.any(axis=2) & slips.contact).sum(axis=0)
         self._counts[:, 2] += valid.sum(axis=0)
         self._counts[:, 3:] += known.sum(axis=0)
-        self._net_m += np.where(valid[..., np.newaxis], slips.displacement[..., :2], 0.0).sum(axis=0)
+        moved = np.where(valid[..., np.newaxis], slips.displacement[..., :2], 0.0)
+        self._net_m = np.concatenate([self._net_m[np.newaxis], moved]).sum(axis=0)  # scan by scan, however they are cut
 
     def _contact(self, pad: int, end_s: float) -> ContactSummary:
         """A contact without its slips."""
