@@ -117,3 +117,14 @@ def test_a_hidden_direction_is_tested_again_when_half_as_many_keyframes_have_com
     kept, again = (learn(replace(known, tested=int(share * len(scanned)))) for share in (0.9, 0.5))
     assert (kept.hidden.direction.tolist(), kept.tested) == ([1.0, 0.0], int(0.9 * len(scanned)))
     assert (again.hidden.direction.tolist(), again.tested) == ([0.0, 0.0], len(scanned))
+
+
+@pytest.mark.parametrize(("taken", "early", "late", "again"), [(40, 37, 36, 26), (200, 175, 170, 133)])
+def test_hypotheses_are_compared_again_sooner_where_a_keyframe_does_not_fit(
+    taken: int, early: int, late: int, again: int
+) -> None:
+    scanned, at, _ = sliding(0.0)
+    known = replace(keyframes_of(scanned, at, np.ones(scanned.readings.shape[1])), taken=taken)
+    assert [learn(replace(known, looked=looked)).looked for looked in (late, again)] == [late, taken]
+    scanned.readings[20] = scanned.readings[20, ::-1]
+    assert [learn(replace(known, looked=looked)).looked for looked in (early, late)] == [early, taken]

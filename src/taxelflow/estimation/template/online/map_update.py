@@ -196,13 +196,23 @@ def _best(known: LocalMap) -> tuple[Solved, int]:
     keyframes, taken = known.keyframes, known.taken
     if len(keyframes) < KEYFRAMES.compared or taken < KEYFRAMES.more * known.looked:
         present = _again(known, known.scanned, keyframes.states.copy())
-        if taken < max(KEYFRAMES.young, known.looked + ODOMETRY.memory) or not _strange(present).any():
+        if taken < max(KEYFRAMES.young, _soonest(known.looked)) or not _strange(present).any():
             return present, known.looked
     scanned = replace(keyframes.scanned, variance=keyframes.scanned.variance.copy())
     dead = np.flatnonzero(np.isinf(known.gains)).tolist()
     states, hidden = None if known.grows else keyframes.states, _still_hidden(known)
     best = solve_contact(scanned, suspects=dead, known=states, hidden=hidden)
     return _with_former_gains(known, scanned, best), taken
+
+
+def _soonest(looked: int) -> float:
+    """How many scans must have been keyframes before hypotheses are compared again where a keyframe does not fit.
+
+    A few more than when they were last compared. Where more have come than are kept, a quarter of the others must be
+    new: it takes as long as before, and changes less.
+    """
+    beyond = max(looked - KEYFRAMES.most, 0)
+    return looked + max(ODOMETRY.memory, 0.5 * (KEYFRAMES.more - 1.0) * beyond)
 
 
 def _still_hidden(known: LocalMap) -> Hidden | None:
