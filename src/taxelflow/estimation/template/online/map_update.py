@@ -208,8 +208,8 @@ def _best(known: LocalMap) -> tuple[Solved, int]:
 def _soonest(looked: int) -> float:
     """How many scans must have been keyframes before hypotheses are compared again where a keyframe does not fit.
 
-    A few more than when they were last compared. Where more have come than are kept, a quarter of the others must be
-    new: it takes as long as before, and changes less.
+    A few more than when they were last compared. Where more have come than a map keeps, a quarter more of these: a
+    comparison takes as long, and changes less.
     """
     beyond = max(looked - KEYFRAMES.most, 0)
     return looked + max(ODOMETRY.memory, 0.5 * (KEYFRAMES.more - 1.0) * beyond)
