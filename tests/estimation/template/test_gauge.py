@@ -159,9 +159,8 @@ def test_keyframes_that_are_left_out_leave_their_time_to_the_nearest(seed: int, 
         reported.add(t_s, np.zeros(2), 1.0)
     kept = np.sort(random.choice(times, count, replace=False))
     reported.thin(kept)
-    rows = reported._places
-    assert [own.t_s for own in rows] == [t for t in times.tolist() if t in kept or t > kept[-1]]
-    np.testing.assert_allclose(sum(own.span_s for own in rows), times[-1] - times[0])
+    assert reported.places["t_s"].tolist() == [t for t in times.tolist() if t in kept or t > kept[-1]]
+    np.testing.assert_allclose(reported.places["span_s"].sum(), times[-1] - times[0])
 
 
 def test_places_of_a_contact_before_are_left_out() -> None:
@@ -170,5 +169,5 @@ def test_places_of_a_contact_before_are_left_out() -> None:
     reported.clear()
     reported.add(float(learned.keyframes.scanned.t_s[-1]), reported_place(m, learned.keyframes.states[-1]) + 1.0, 0.1)
     hold(m, learned, reported, PITCH_M)
-    assert len(reported._places) == 1
+    assert len(reported.places) == 1
     np.testing.assert_allclose(np.hypot(*m.gauge), np.sqrt(2.0))

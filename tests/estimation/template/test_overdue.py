@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from taxelflow.estimation.template.online.candidates import Waiting
 from taxelflow.estimation.template.online.local_map import LocalMap
-from taxelflow.estimation.template.online.mapping_thread import Candidate, Learner, Workers
+from taxelflow.estimation.template.online.mapping_thread import Learner, Workers
 from taxelflow.runtime.adoption import Adoption, AsRecorded, Lane, Late, WhenReady
 
 if TYPE_CHECKING:
@@ -23,9 +24,11 @@ class Mapper:
 
     def __init__(self) -> None:
         self.asked: list[tuple[int, Future[Any]]] = []
+        self.states: list[np.ndarray] = []
 
     def submit(self, _function: Callable[..., Any], /, *arguments: Any) -> Future[Any]:
-        self.asked.append((len(arguments[1]), Future()))
+        self.asked.append((len(arguments[1].t_s), Future()))
+        self.states.append(arguments[1].states)
         return self.asked[-1][1]
 
 
@@ -40,7 +43,7 @@ def moving(adopting: Adopting, scans: int, **known: Any) -> tuple[Learner, Mappe
     learner.learned = learned(1, **known)
     for scan in range(scans):
         t_s = 0.01 * scan
-        learner.learn_from(Candidate(t_s, *(np.zeros(1),) * 3, np.zeros(5)))
+        learner.learn_from(t_s, *(np.zeros(1),) * 2, np.zeros((3, 1)), np.zeros(5))
         learner.go_on(t_s, used.append, may_turn=False)
     return learner, mapper, used
 
@@ -105,8 +108,7 @@ def test_a_replay_uses_the_request_that_the_loop_used() -> None:
 
 def test_scans_that_wait_move_with_the_newest_keyframe_of_a_new_pattern() -> None:
     learner, _, _ = moving(Late(0.1), 13)
-    for scan in learner._waiting:
-        scan.state[:] = 1.0, 2.0, 0.0, 2.0, 0.0
+    learner._waiting.all.states[:] = 1.0, 2.0, 0.0, 2.0, 0.0
     learner._newest = np.array([1.0, 2.0, 0.0, 2.0, 0.0])
     keyframes = SimpleNamespace(states=np.array([[3.0, 1.0, 0.5, 1.0, 0.0]]))
     state = np.array([1.5, 2.0, 0.0, 3.0, 0.0])
@@ -115,5 +117,24 @@ def test_scans_that_wait_move_with_the_newest_keyframe_of_a_new_pattern() -> Non
     np.testing.assert_allclose(learner.shifted(turns, state), [2.0, -1.0, 0.5])
     np.testing.assert_allclose(state, [1.5, 2.0, 0.0, 1.5, 0.0])  # the last scan has to be registered there
     learner.shift_waiting(np.array([2.0, -1.0, 0.5, 9.0, 9.0]))
-    for scan in learner._waiting:
-        np.testing.assert_allclose(scan.state, [3.0, 1.0, 0.5, 2.0, 0.0])
+    np.testing.assert_allclose(learner._waiting.all.states, [[3.0, 1.0, 0.5, 2.0, 0.0]] * 13)
+
+
+def test_scans_that_were_asked_for_stay_where_they_were_when_those_that_wait_move() -> None:
+    """The request may be sent to its process after that."""
+    learner, mapper, _ = moving(WhenReady(), 4)
+    learner.shift_waiting(np.ones(5))
+    np.testing.assert_array_equal(mapper.states[-1], np.zeros((4, 5)))
+    np.testing.assert_array_equal(learner._waiting.all.states[:, :3], np.ones((4, 3)))
+
+
+def test_any_number_of_scans_may_wait() -> None:
+    waiting = Waiting()
+    assert waiting.leave(0) == len(waiting.all.t_s) == 0
+    for scan in range(300):
+        waiting.add(float(scan), np.full(2, scan + 0.1), np.ones(2), np.zeros((3, 0)), np.full(5, scan + 0.5))
+    assert (waiting.leave(100), waiting.leave(100), waiting.leave(150), len(waiting)) == (100, 0, 50, 150)
+    left = waiting.all
+    assert left.t_s.tolist() == list(range(150, 300))
+    assert left.readings[:, 1].tolist() == (left.t_s + 0.1).tolist()
+    assert left.states[:, 4].tolist() == (left.t_s + 0.5).tolist()

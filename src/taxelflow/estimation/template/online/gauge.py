@@ -11,15 +11,17 @@ A map without rotation keeps its frame on the centre of pressure, see `witness`:
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from taxelflow.estimation.template.online.witness import reported_places
 from taxelflow.estimation.template.pose_output import arm_of
 from taxelflow.estimation.template.solution import shown_centre
+from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of, states_of
 from taxelflow.numerics.geometry import turned
+from taxelflow.numerics.records import Records, records
 from taxelflow.numerics.rounding import BLURRED
 
 if TYPE_CHECKING:
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.online.local_map import LocalMap
     from taxelflow.estimation.template.online.track_state import Track
     from taxelflow.estimation.template.solution import Solved
-    from taxelflow.messages import Floats
 
 
 def align_gauge(before: Floats, best: Solved, scanned: Scanned, turn: float) -> tuple[Floats, Floats, Floats]:
@@ -74,69 +75,79 @@ def _weighted_median(values: Floats, weight: Floats) -> float:
     return float(values[order[np.searchsorted(reached, 0.5 * reached[-1])]])
 
 
-class _Place(NamedTuple):
+class _Place:
     """Where a scan was reported, (2,) in pitches, with the variance of x and y together, and how long it stands for."""
 
     t_s: float
-    place: Floats
+    place: Annotated[Floats, 2]
     variance: float
     span_s: float
 
 
 class Reported:
-    """Where the keyframes of one contact were reported."""
+    """Where the keyframes of one contact were reported. At 1 kHz hundreds wait to be learned from."""
 
     def __init__(self) -> None:
-        self._places: list[_Place] = []
+        self._room = records(_Place, 64)
+        self._count = 0
+
+    @property
+    def places(self) -> Records:
+        """(n,), oldest first."""
+        return self._room[: self._count]
 
     def add(self, t_s: float, place: Floats, variance: float) -> None:
         """A scan at a place (2,), in pitches, with the variance of x and y together, later than those before.
 
         It stands for the time until the next.
         """
-        if self._places:
-            last = self._places[-1]
-            self._places[-1] = last._replace(span_s=last.span_s + t_s - last.t_s)
-        self._places.append(_Place(t_s, place, variance, 0.0))
+        count = self._count
+        if count == len(self._room):
+            self._room = np.concatenate([self._room, records(_Place, count)])
+        if count:
+            last = self._room[count - 1]
+            last["span_s"] = last["span_s"] + t_s - last["t_s"]
+        self._room[count] = t_s, place, variance, 0.0
+        self._count += 1
 
     def clear(self) -> None:
         """Begin again: a contact, or a place that no motion led to."""
-        self._places.clear()
+        self._count = 0
 
     def thin(self, t_s: Floats) -> None:
         """Keep those that are among the keyframes at t_s (n,), and later ones.
 
         Others leave the time that they stand for to the nearest.
         """
-        known = set(t_s.tolist())
-        kept = [own for own in self._places if own.t_s in known or own.t_s > t_s[-1]]
-        if not kept:
+        places, times = self.places, self.places["t_s"]
+        kept = np.isin(times, t_s) | (times > t_s[-1])
+        if not kept.any():
             return
-        times, spans = np.array([own.t_s for own in kept]), np.array([own.span_s for own in kept])
-        for own in self._places:
-            if own.t_s not in known and own.t_s <= t_s[-1]:
-                spans[np.argmin(np.abs(times - own.t_s))] += own.span_s
-        self._places = [own._replace(span_s=float(span)) for own, span in zip(kept, spans, strict=True)]
+        left, gone = places[kept], places[~kept]
+        after = np.minimum(np.searchsorted(left["t_s"], gone["t_s"]), len(left) - 1)
+        before = np.maximum(after - 1, 0)
+        is_before = gone["t_s"] - left["t_s"][before] <= left["t_s"][after] - gone["t_s"]
+        np.add.at(left["span_s"], np.where(is_before, before, after), gone["span_s"])
+        self._room[: len(left)], self._count = left, len(left)
 
     def off(self, m: Track, keyframes: Keyframes) -> tuple[Floats, float] | None:
         """(2,), mean of how far keyframes were reported from where the map has them, at angle 0, and by how much its
         variance exceeds that reported, along x and y, mean; None if none was reported.
         """
-        number = {t: k for k, t in enumerate(keyframes.scanned.t_s.tolist())}
-        found = [own for own in self._places if own.t_s in number]
-        spans = np.array([own.span_s for own in found])
-        if not found:
+        places, times = self.places, keyframes.scanned.t_s
+        number = np.minimum(np.searchsorted(times, places["t_s"]), len(times) - 1)
+        known = np.flatnonzero(times[number] == places["t_s"])
+        if not len(known):
             return None
-        spans[-1] += m.last_t - found[-1].t_s if found[-1] is self._places[-1] else 0.0
-        known = np.array([own.variance for own in found])
-        weights = spans / (2.0 * BLURRED**2 + known)  # places that are not blurred count nearly alike
-        states = keyframes.states[[number[own.t_s] for own in found]]
+        found, spans = places[known], places["span_s"][known]
+        spans[-1] += m.last_t - found["t_s"][-1] if known[-1] == self._count - 1 else 0.0
+        weights = spans / (2.0 * BLURRED**2 + found["variance"])  # places that are not blurred count nearly alike
+        states = keyframes.states[number[known]]
         angles = states_of(states).theta - m.theta_0
-        away = np.array([own.place for own in found]) - reported_places(m, states)
-        gaps = turned(away, -angles)
+        gaps = turned(found["place"] - reported_places(m, states), -angles)
         shares = weights if weights.sum() > 0.0 else None
         mean: Floats = np.average(gaps, axis=0, weights=shares)
-        excess = float(np.average(np.sum((gaps - mean) ** 2, axis=1) - known, weights=shares))
+        excess = float(np.average(np.sum((gaps - mean) ** 2, axis=1) - found["variance"], weights=shares))
         return mean, 0.5 * max(excess, 0.0)
 
 

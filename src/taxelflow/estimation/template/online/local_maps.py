@@ -20,7 +20,7 @@ from taxelflow.estimation.template.online.hand import (
     room_for,
 )
 from taxelflow.estimation.template.online.hand_gains import HandGains
-from taxelflow.estimation.template.online.mapping_thread import Candidate, Learner, Workers
+from taxelflow.estimation.template.online.mapping_thread import Learner, Workers
 from taxelflow.estimation.template.online.relocalization import DOUBT
 from taxelflow.estimation.template.online.spreading import most_at_once
 from taxelflow.estimation.template.online.starting import Begun, FirstScan, begun, begun_anew
@@ -63,8 +63,8 @@ class LocalMaps:
         """adopting: at fixed times if left out."""
         adopting = adopting or AtFixedTimes(SAME_S)
         self._layout, pads = layout, len(layout.pads)
-        self.hand = hand_of(layout)
-        self.tracks = records(Track, pads)
+        self.hand, self.tracks = hand_of(layout), records(Track, pads)
+        self._each = [record(Track, self.tracks, pad) for pad in range(pads)]  # views, which are slow to make
         self.stored = Patterns(np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8)), np.zeros((4, layout.entries)))
         self.learners = [Learner(name, workers, latency_s, adopting) for name in layout.pads]
         self.ended = Ended(workers.mapper, at_once=adopting.waits)
@@ -82,7 +82,7 @@ class LocalMaps:
             return
         late, state = self._late(pad), tracks["state"][pad]
         bend = np.outer(tracks["speed"][pad], late if late.any() else ())  # as in `Scanned.of`, pad by pad
-        own.learn_from(Candidate(scan.t, scan.reading[taxels].copy(), scan.variance[taxels].copy(), bend, state.copy()))
+        own.learn_from(scan.t, scan.reading[taxels], scan.variance[taxels], bend, state)
         held = int(tracks["keyframes"][pad])
         if held < KEYFRAMES.most:
             tracks["keyframe"][pad, held] = state
@@ -95,7 +95,7 @@ class LocalMaps:
 
     def track(self, pad: int) -> Track:
         """What a pad remembers; writing to it writes to `tracks`."""
-        return record(Track, self.tracks, pad)
+        return self._each[pad]
 
     def part(self, pad: int, scan: Scan) -> PadScan:
         """A pad's part of a scan, divided by the taxels' gains."""

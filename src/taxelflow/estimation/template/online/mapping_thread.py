@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from taxelflow.estimation.template.online.candidates import Candidates, Waiting
 from taxelflow.estimation.template.online.gauge import Reported
 from taxelflow.estimation.template.online.map_update import learn
 from taxelflow.estimation.template.online.track_state import KEYFRAMES
@@ -27,16 +28,6 @@ _LIBRARY = 4
 """Patterns of former contacts that a pad remembers."""
 _YOUNG_LATENCY = 0.2
 """A young map is learned faster, and adopted after this share of the usual time."""
-
-
-class Candidate(NamedTuple):
-    """A keyframe candidate: reading and variance (taxels,), bend (3, taxels) or (3, 0), and registered state (5,)."""
-
-    t_s: float
-    reading: Floats
-    variance: Floats
-    bend: Floats
-    state: Floats
 
 
 class Workers(NamedTuple):
@@ -62,13 +53,13 @@ class Learner:
         self.reported = Reported()
         self.beginning = False
         self._workers, self._latency_s = workers, latency_s
-        self._waiting: list[Candidate] = []  # not learned from by the pattern in use
+        self._waiting = Waiting()  # not learned from by the pattern in use
         self._asked = 0  # of these, how many the newest request has
         self._newest: Floats | None = None
 
-    def learn_from(self, scan: Candidate) -> None:
-        """One more, when what is being learned has been adopted."""
-        self._waiting.append(scan)
+    def learn_from(self, t_s: float, reading: Floats, variance: Floats, bend: Floats, state: Floats) -> None:
+        """One more, when what is being learned has been adopted; see `Waiting.add`."""
+        self._waiting.add(t_s, reading, variance, bend, state)
 
     def go_on(self, now_s: float, put: Callable[[LocalMap], None], *, may_turn: bool) -> None:
         """Begin to learn from what waits, if nothing is being learned; ask again for what is overdue. put: adopts it.
@@ -82,19 +73,20 @@ class Learner:
             return
         if self.lane.busy and len(known.keyframes) + waiting < KEYFRAMES.more * (len(known.keyframes) + self._asked):
             return
-        fresh, newest, self._asked = self._waiting.copy(), self._waiting[-1].state.copy(), waiting
+        fresh, until, self._asked = Candidates(*map(np.copy, self._waiting.all)), self._waiting.left + waiting, waiting
         known = replace(known, fresh=waiting, looked=0 if may_turn and not known.turns else known.looked)
         share = _YOUNG_LATENCY if len(known.keyframes) + waiting < KEYFRAMES.young else 1.0
-        begun_s = max(fresh[-1].t_s, now_s)
-        work = self._workers.mapper.submit(learn_from, known, fresh)
-        self.lane.renew(work, begun_s, begun_s + share * self._latency_s, partial(self._adopt, put, fresh, newest))
+        begun_s = max(float(fresh.t_s[-1]), now_s)
+        work, adopt = self._workers.mapper.submit(learn_from, known, fresh), partial(self._adopt, put, until)
+        self.lane.renew(work, begun_s, begun_s + share * self._latency_s, partial(adopt, fresh.states[-1]))
 
-    def _adopt(self, put: Callable[[LocalMap], None], fresh: list[Candidate], newest: Floats, new: LocalMap) -> None:
-        """Adopt what was learned from these scans. Later requests were for the pattern before: of another kind."""
+    def _adopt(self, put: Callable[[LocalMap], None], until: int, newest: Floats, new: LocalMap) -> None:
+        """Adopt what was learned from the scans until one. Later requests were for the pattern before: of another kind.
+
+        newest: (5,), registered state of the last of them.
+        """
         before, self._newest = self.learned, newest
-        learned = {id(scan) for scan in fresh}
-        self._waiting = [scan for scan in self._waiting if id(scan) not in learned]
-        self._asked = max(self._asked - len(fresh), 0)
+        self._asked = max(self._asked - self._waiting.leave(until), 0)
         if before is None or new.turns or new.grows or new.changing or before.turns:
             self.lane.drop()
         if not self.lane.busy:
@@ -105,12 +97,14 @@ class Learner:
         self, now_s: float, put: Callable[[Begun], None], function: Callable[..., Begun], *arguments: object
     ) -> None:
         """Begin to learn a new pattern, instead of what was being learned. put: adopts it."""
-        self._waiting, self._asked, self.beginning = [], 0, True
+        self.forget_waiting()
+        self.beginning = True
         self.lane.begin(self._workers.starter.submit(function, *arguments), now_s, now_s, put)
 
     def settle(self, now_s: float) -> float:
         """End what is being learned when a contact, or its pattern, ends; by how much its theta differs."""
-        self._waiting, self._asked, self.beginning = [], 0, False
+        self.forget_waiting()
+        self.beginning = False
         if not self.lane.adopting.waits:
             self.lane.drop()
             return 0.0
@@ -123,7 +117,8 @@ class Learner:
 
     def forget_waiting(self) -> None:
         """Leave out the scans on their way to become keyframes."""
-        self._waiting, self._asked = [], 0
+        self._waiting.leave(self._waiting.left + len(self._waiting))
+        self._asked = 0
 
     def end(self, arm: Floats) -> None:
         """The contact has ended; its pattern may come again. arm: (3, 2), see `arm_on_map`."""
@@ -142,7 +137,7 @@ class Learner:
         now, before = state_of(last), state_of(self._newest)
         step = np.array(State(now.x - before.x, now.y - before.y, 0.0, 0.0, now.size - before.size))
         times = np.array(State(1.0, 1.0, 1.0, now.gain / before.gain, 1.0))
-        for one in (state, *(scan.state for scan in self._waiting)):
+        for one in (state, self._waiting.all.states):
             one[:] = (one + step) * times
 
     def shifted(self, new: LocalMap, state: Floats) -> Floats:
@@ -156,13 +151,12 @@ class Learner:
 
     def shift_waiting(self, step: Floats) -> None:
         """Move the scans that wait as the last scan was moved, (5,), when it was registered on a new pattern."""
-        for scan in self._waiting:
-            scan.state[:3] += step[:3]
+        self._waiting.all.states[:, :3] += step[:3]
 
 
-def learn_from(known: LocalMap, fresh: list[Candidate]) -> LocalMap:
+def learn_from(known: LocalMap, fresh: Candidates) -> LocalMap:
     """A pattern that has also learned from these scans, of which many may have come while it was learned before."""
     keyframes = known.keyframes
-    for scan in fresh:
+    for scan in zip(fresh.t_s.tolist(), *fresh[1:], strict=True):
         keyframes = keyframes.with_scan(*scan)
-    return learn(replace(known, keyframes=keyframes, taken=known.taken + len(fresh)))
+    return learn(replace(known, keyframes=keyframes, taken=known.taken + len(fresh.t_s)))
