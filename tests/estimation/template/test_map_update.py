@@ -128,3 +128,13 @@ def test_hypotheses_are_compared_again_sooner_where_a_keyframe_does_not_fit(
     assert [learn(replace(known, looked=looked)).looked for looked in (late, again)] == [late, taken]
     scanned.readings[20] = scanned.readings[20, ::-1]
     assert [learn(replace(known, looked=looked)).looked for looked in (early, late)] == [early, taken]
+
+
+@pytest.mark.parametrize(("apart_rad", "reported"), [(0.4, True), (0.6, False)])
+def test_a_turn_is_reported_once_no_hypothesis_that_fits_as_well_is_far(apart_rad: float, reported: bool) -> None:
+    scanned, at, _ = sliding(0.0)
+    alike = keyframes_of(scanned, at, np.ones(scanned.readings.shape[1]))
+    alike = replace(alike, turns=True, looked=len(scanned), slack=np.zeros(2), rival=np.array([0.0, apart_rad**2]))
+    found = learn(alike)
+    assert (found.turns, found.reports_turn) == (True, reported)
+    assert learn(replace(alike, reports_turn=True)).reports_turn  # its deviation states how far

@@ -32,6 +32,7 @@ from taxelflow.estimation.template.tilt import without_tilt
 from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.bspline import states_of
 from taxelflow.numerics.robust import GATE, gate
+from taxelflow.numerics.rounding import LINEAR_RAD
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.centre_of_pressure import Anchor
@@ -112,7 +113,8 @@ def _learn(known: LocalMap) -> LocalMap:
     states, origin, off = align_gauge(before, best, scanned, turned)
     slack = np.full(2, SLACK.first) if best.grows and not known.grows else _slack(known, off)
     shown = known.shown if looked == known.looked else best.shown
-    reports_turn = best.turns and shown and (known.reports_turn or bool(slack[1] < SLACK.reported * SLACK.first))
+    rival = known.rival if looked == known.looked else best.rival_variance(turns=known.unseen_error > 0)
+    sure = bool(slack[1] < SLACK.reported * SLACK.first and rival[1] < LINEAR_RAD**2)
     new = replace(
         known,
         pattern=pattern,
@@ -125,11 +127,11 @@ def _learn(known: LocalMap) -> LocalMap:
         turns=best.turns,
         grows=best.grows,
         shown=shown,
-        reports_turn=reports_turn,
+        reports_turn=best.turns and shown and (known.reports_turn or sure),
         turned=turned,
         slack=slack,
         tilt=_tilt(best, scanned, known.unseen_error),
-        rival=known.rival if looked == known.looked else best.rival_variance(turns=known.unseen_error > 0),
+        rival=rival,
         origin=origin,
         hidden=known.hidden if looked == known.looked else best.hidden,
         decided=known.decided or looked != known.looked,
