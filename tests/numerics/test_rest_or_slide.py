@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from taxelflow.messages import Floats
 
 NOISE = 1e-3
-SKIN = Skin.of(PLACES)
+SKIN = Skin.of(PLACES.T)
 
 
 def left(after: Floats, moved: tuple[float, float] = (0.0, 0.0)) -> tuple[float, float]:
@@ -75,7 +75,7 @@ def test_scale_changes_nothing() -> None:
 def test_taxels_on_a_line_know_a_slide_along_it() -> None:
     line = np.column_stack([np.arange(10.0), np.zeros(10)])
     before, after = (np.maximum(3.0 - np.abs(line[:, 0] - middle), 0.0) ** 0.5 for middle in (4.0, 4.8))
-    found = compare(Skin.of(line), before, after, NOISE, np.array([0.8, 0.0, 0.0]))
+    found = compare(Skin.of(line.T), before, after, NOISE, np.array([0.8, 0.0, 0.0]))
     assert np.isfinite(found).all()
     assert np.sqrt(found.slide) < 0.1 * np.linalg.norm(after)
 

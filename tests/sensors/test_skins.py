@@ -21,5 +21,5 @@ def test_noise_that_is_learned_anew_is_used() -> None:
 
 def test_places_are_counted_in_pitches_and_one_skin_serves_all() -> None:
     skin = skin_of(HAND, 1)
-    assert np.ptp(skin.places, axis=0).round(9).tolist() == [2.0, 1.0]
+    assert np.ptp(skin.places, axis=1).round(9).tolist() == [2.0, 1.0]
     assert skin_of(HAND, 1) is skin

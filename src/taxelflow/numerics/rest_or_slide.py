@@ -180,7 +180,7 @@ def _overlap(skin: Skin, before: Floats, after: Floats) -> tuple[bool, bool, flo
         smallest = min(smallest, before[i], after[i])
         old, new = max(before[i], 0.0), max(after[i], 0.0)
         held += new if before[i] > LOADED.skirt * was else 0.0
-        load, x, y = load + new, x + new * skin.places[i, 0], y + new * skin.places[i, 1]
-        old_load, old_x, old_y = old_load + old, old_x + old * skin.places[i, 0], old_y + old * skin.places[i, 1]
+        load, x, y = load + new, x + new * skin.places[0, i], y + new * skin.places[1, i]
+        old_load, old_x, old_y = old_load + old, old_x + old * skin.places[0, i], old_y + old * skin.places[1, i]
     covers, comparable = smallest > LOADED.skirt * max(was, now), load > 0.0 and held >= SAME * load
     return covers, comparable, x / load - old_x / old_load, y / load - old_y / old_load

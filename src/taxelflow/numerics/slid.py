@@ -37,7 +37,7 @@ _TINY = float(np.finfo(float).tiny)
 
 
 class Skin(NamedTuple):
-    """The taxels of a pad: places (taxels, 2), low and high (2,), corners of what they read, all in pitches; and fit
+    """The taxels of a pad: places (2, taxels), low and high (2,), corners of what they read, all in pitches; and fit
     (taxels + 3, taxels), which gives the surface through their readings: sum_j w_j |r - r_j|^3 + p . (1, r).
     """
 
@@ -48,15 +48,15 @@ class Skin(NamedTuple):
 
     @classmethod
     def of(cls, places: Floats) -> Skin:
-        """The skin of taxels at places (taxels, 2), in pitches."""
-        count, spans = len(places), np.ptp(places, axis=0) > 0.0  # places on a line determine no slope across it
-        plane = np.column_stack([np.ones(count), np.where(spans, places, 0.0)])
-        distances = np.hypot(*(np.subtract.outer(axis, axis) for axis in places.T))
+        """The skin of taxels at places (2, taxels), in pitches."""
+        count, spans = places.shape[1], np.ptp(places, axis=1) > 0.0  # places on a line determine no slope across it
+        plane = np.column_stack([np.ones(count), np.where(spans, places.T, 0.0)])
+        distances = np.hypot(*(np.subtract.outer(axis, axis) for axis in places))
         whole = np.block([[distances**3, plane], [plane.T, np.zeros((3, 3))]])
-        single = np.linalg.matrix_rank(plane) == 3 and len(np.unique(places, axis=0)) == count
+        single = np.linalg.matrix_rank(plane) == 3 and len(np.unique(places.T, axis=0)) == count
         inverse = np.linalg.inv(whole) if single else np.linalg.pinv(whole, hermitian=True)  # 20 times as slow
         fit = np.ascontiguousarray(inverse[:, :count])
-        return cls(np.ascontiguousarray(places), places.min(axis=0) - _HALF, places.max(axis=0) + _HALF, fit)
+        return cls(np.ascontiguousarray(places), places.min(axis=1) - _HALF, places.max(axis=1) + _HALF, fit)
 
 
 class Pair(NamedTuple):
@@ -197,7 +197,7 @@ def _read(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
     known, whole = 0.0, _TINY
     for k in range(len(pair.chosen)):
         i = pair.chosen[k]
-        off_x, off_y = skin.places[i, 0] - state[0] - cx, skin.places[i, 1] - state[1] - cy
+        off_x, off_y = skin.places[0, i] - state[0] - cx, skin.places[1, i] - state[1] - cy
         x, y = cos * off_x + sin * off_y, cos * off_y - sin * off_x
         fit.inside[k] = skin.low[0] <= x + cx <= skin.high[0] and skin.low[1] <= y + cy <= skin.high[1]
         value, along_x, along_y = _surface(skin.places, pair.surface, x + cx, y + cy)
@@ -224,13 +224,15 @@ def _read(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
 @lean_kernel
 def _surface(places: Floats, surface: Floats, x: float, y: float) -> tuple[float, float, float]:
     """A surface (taxels + 3,) at a place, and its slopes along x and y."""
-    count = len(places)
+    along_x, along_y = places[0], places[1]  # rows of their own: taxels are then read eight at a time
+    count = len(along_x)
     by_x, by_y = surface[count + 1], surface[count + 2]
     value = surface[count] + x * by_x + y * by_y
     for j in range(count):
-        off_x, off_y = x - places[j, 0], y - places[j, 1]
-        bent = surface[j] * np.sqrt(off_x * off_x + off_y * off_y)
-        value += bent * (off_x * off_x + off_y * off_y)
+        off_x, off_y = x - along_x[j], y - along_y[j]
+        squared = off_x * off_x + off_y * off_y
+        bent = surface[j] * np.sqrt(squared)
+        value += bent * squared
         by_x += 3.0 * bent * off_x
         by_y += 3.0 * bent * off_y
     return value, by_x, by_y

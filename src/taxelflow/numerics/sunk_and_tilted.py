@@ -63,10 +63,10 @@ def _modes(places: Floats, before: Floats, chosen: NDArray[np.int64]) -> Floats:
     """(chosen, 6), changes at rest: the pressure before, and 1, each times 1, x and y about its centre."""
     modes, centre = np.empty((len(chosen), MODES)), np.zeros(2)
     own = before[chosen]
-    find_centre(places[chosen], own, centre)
+    find_centre(places[:, chosen], own, centre)
     squares = 0.0
     for k in range(len(chosen)):
-        x, y = places[chosen[k], 0] - centre[0], places[chosen[k], 1] - centre[1]
+        x, y = places[0, chosen[k]] - centre[0], places[1, chosen[k]] - centre[1]
         modes[k, 3], modes[k, 4], modes[k, 5] = 1.0, x, y
         squares += x * x + y * y
     unit = max(np.sqrt(squares / max(len(chosen), 1)), RIDGE)
@@ -106,15 +106,15 @@ def _fit_modes(modes: Floats, reading: Floats, used: Bools, normal: Floats, best
 
 @lean_kernel
 def find_centre(places: Floats, pressure: Floats, centre: Floats) -> None:
-    """Fill centre (2,) of a pattern (taxels,)."""
+    """Fill centre (2,) of a pattern (taxels,) of taxels at places (2, taxels)."""
     largest, total = 0.0, 0.0
     for i in range(len(pressure)):
         largest = max(largest, pressure[i])
     for i in range(len(pressure)):
         weight = max(pressure[i], 0.0) + RIDGE * largest
         total += weight
-        centre[0] += weight * places[i, 0]
-        centre[1] += weight * places[i, 1]
+        centre[0] += weight * places[0, i]
+        centre[1] += weight * places[1, i]
     if total > 0.0:
         centre[0] /= total
         centre[1] /= total

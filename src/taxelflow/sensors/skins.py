@@ -27,7 +27,7 @@ def skin_of(layout: Layout, pad: int) -> Skin:
 @lru_cache(_MOST)
 def _skin(layout: Layout, pad: int) -> Skin:
     own = layout.of_pad(pad)
-    places_m = np.column_stack([layout.x_m[own], layout.y_m[own]])
+    places_m = np.stack([layout.x_m[own], layout.y_m[own]])
     return Skin.of(places_m / np.sqrt(layout.pitch_m[pad].prod()))
 
 
@@ -35,7 +35,7 @@ def prepare(layout: Layout) -> None:
     """Make all skins, and load the kernels, so that no comparison of a stream waits for them."""
     for pad in np.flatnonzero(np.diff(layout.starts)).tolist():
         skin = skin_of(layout, pad)
-        even = np.ones(len(skin.places))
+        even = np.ones(skin.places.shape[1])
         compare(skin, even, even, 0.0, np.zeros(3), sinks=True)
         overlap(skin, even, even)
 
