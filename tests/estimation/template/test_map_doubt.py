@@ -48,10 +48,10 @@ def whole_covariance(pattern: Pattern, scanned: Scanned, states: Floats, precisi
     whole = np.zeros((scans * STATE + knots, scans * STATE + knots))
     above = upper(stencil, pattern.shape[1])
     whole[scans * STATE :, scans * STATE :] = above + np.triu(above, 1).T
-    for k, i in zip(*np.nonzero(normal.w), strict=True):
-        knot = scans * STATE + normal.first[k, i] + np.arange(KNOTS) // 4 * pattern.shape[1] + np.arange(KNOTS) % 4
+    for row, k in enumerate(np.nonzero(normal.w)[0]):
+        knot = scans * STATE + int(normal.first[row]) + np.arange(KNOTS) // 4 * pattern.shape[1] + np.arange(KNOTS) % 4
         own = slice(k * STATE, (k + 1) * STATE)
-        mixed = normal.w[k, i] * np.outer(normal.slope[k, i], normal.weight[k, i])
+        mixed = np.outer(normal.pull[row], normal.weight[row])
         whole[own, knot] += mixed
         whole[knot, own] += mixed.T
     for k in range(scans):

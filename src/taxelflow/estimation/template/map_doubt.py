@@ -61,15 +61,14 @@ def of_map(linear: Linear, precision: Floats) -> Floats:
 
 def _crossed(normal: Normal, nx: int) -> Floats:
     """(scans, 5, knots), information between states and coefficients."""
-    scan, taxel = np.nonzero(normal.w)
-    count, scans, knots = len(scan), len(normal.w), len(normal.right)
+    start = normal.start.astype(np.int64)
+    count, scans, knots = int(start[-1]), len(normal.w), len(normal.right)
     around = np.arange(KNOTS)
-    columns = normal.first[scan, taxel][:, np.newaxis] + around // WIDTH * nx + around % WIDTH
+    columns = normal.first[:count, np.newaxis].astype(np.int64) + around // WIDTH * nx + around % WIDTH
     row = np.repeat(np.arange(count), KNOTS)
-    by_knot = csr_array((normal.weight[scan, taxel].ravel(), (row, columns.ravel())), shape=(count, knots))
-    weighted = normal.slope[scan, taxel] * normal.w[scan, taxel][:, np.newaxis]
-    state = scan[:, np.newaxis] * STATE + np.arange(STATE)
+    by_knot = csr_array((normal.weight[:count].ravel(), (row, columns.ravel())), shape=(count, knots))
+    state = np.repeat(np.arange(scans), np.diff(start))[:, np.newaxis] * STATE + np.arange(STATE)
     row = np.repeat(np.arange(count), STATE)
-    by_state = csr_array((weighted.ravel(), (row, state.ravel())), shape=(count, scans * STATE))
+    by_state = csr_array((normal.pull[:count].ravel(), (row, state.ravel())), shape=(count, scans * STATE))
     product: Floats = (by_state.T @ by_knot).toarray()
     return product.reshape(scans, STATE, knots)

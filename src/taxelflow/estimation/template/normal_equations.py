@@ -12,7 +12,7 @@ from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.observations import Readings
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import WIDTH, add_square
-from taxelflow.numerics.bspline import KNOTS, STATE, State, evaluate, knot_of, put, spread, state_of
+from taxelflow.numerics.bspline import KNOTS, STATE, State, evaluate, put, spread, state_of
 from taxelflow.numerics.robust import OUTLIER, huber_weight
 from taxelflow.runtime.compiling import lean_kernel, long_kernel
 
@@ -23,15 +23,17 @@ FIT_HUBER = 4.0
 class Normal(NamedTuple):
     """The problem, linearised at a pattern and states; `assemble` fills it.
 
-    first, weight, slope, w, residual, model: (scans, taxels, ...), per reading: its first knot, its weights by
-    coefficient (16,) and slopes by state (5,), both with the gain in, its own weight, its residual, and
-    the model. stencil, right: of the coefficients. blocks, gradient: (scans, 5, 5), (scans, 5) of the states. chi,
-    counts: (scans,), robust chi-square and the readings in it.
+    Of the n readings that count, scan after scan: start: (scans + 1,), the first one of each scan; first: (n,), first
+    knot; weight: (n, 16), by coefficient, and pull: (n, 5), by state, times the reading's own weight, both with the
+    gain in. There is room for all. w, residual, model: (scans, taxels), own weight, 0 where a reading does not count,
+    residual, and the model. stencil, right: of the coefficients. blocks, gradient: (scans, 5, 5), (scans, 5) of the
+    states. chi, counts: (scans,), robust chi-square and the readings in it.
     """
 
-    first: NDArray[np.int64]
+    start: NDArray[np.uint64]
+    first: NDArray[np.uint64]
     weight: Floats
-    slope: Floats
+    pull: Floats
     w: Floats
     residual: Floats
     model: Floats
@@ -46,9 +48,10 @@ class Normal(NamedTuple):
     def empty(cls, scans: int, taxels: int, knots: int) -> Normal:
         """Room for a problem of this size."""
         return cls(
-            np.empty((scans, taxels), np.int64),
-            np.empty((scans, taxels, KNOTS)),
-            np.empty((scans, taxels, STATE)),
+            np.empty(scans + 1, np.uint64),
+            np.empty(scans * taxels, np.uint64),
+            np.empty((scans * taxels, KNOTS)),
+            np.empty((scans * taxels, STATE)),
             np.empty((scans, taxels)),
             np.empty((scans, taxels)),
             np.empty((scans, taxels)),
@@ -67,17 +70,19 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
     reading if the surface is one of heights and the size of a state a depth, else 0; see `depth`.
     """
     c, places, nx = surface.c, readings.places, surface.c.shape[1]
-    value, at = np.empty((places.shape[1], 5)), np.empty(STATE)
+    taxels, row = places.shape[1], 0
+    value, at, slope = np.empty((taxels, 5)), np.empty(STATE), np.empty(STATE)
+    first, weights = np.empty(taxels, np.int64), np.empty((taxels, KNOTS))
     out.stencil[:], out.right[:], out.blocks[:], out.gradient[:] = 0.0, 0.0, 0.0, 0.0
     for k in range(len(states)):
-        first, weight, slope = out.first[k], out.weight[k], out.slope[k]
+        out.start[k] = row
         x, y, theta, gain, depth = state_of(states[k])
         put(State(x, y, theta, gain, 0.0 if level > 0.0 else depth), at)
-        spread(c.shape, surface.lattice, places, at, readings.bends[k], first, weight)
+        spread(c.shape, surface.lattice, places, at, readings.bends[k], first, weights)
         evaluate(c, surface.lattice, places, at, readings.bends[k], value)
         out.chi[k] = 0.0
         out.counts[k] = 0
-        for i in range(places.shape[1]):
+        for i in range(taxels):
             reading, variance = readings.value[k, i], readings.variance[k, i]
             out.w[k, i] = out.residual[k, i] = out.model[k, i] = 0.0
             if first[i] < 0 or variance == 0.0 or np.isnan(value[i, 0]):
@@ -96,20 +101,24 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
             out.chi[k] += min(z * z, OUTLIER)
             out.counts[k] += 1
             factor *= huber_weight(z, FIT_HUBER)
-            out.w[k, i] = factor
             rise = gain * read.share
             by_size = level if level > 0.0 else by_size
-            put(State(rise * by_x, rise * by_y, rise * by_theta, read.mean, rise * by_size), slope[i])
+            put(State(rise * by_x, rise * by_y, rise * by_theta, read.mean, rise * by_size), slope)
+            weight = out.weight[row]
             for a in range(KNOTS):
-                weight[i, a] *= rise
+                weight[a] = rise * weights[i, a]
             if 0.0 < read.share < 1.0:
                 place, turn = place_of(places, readings.bends[k], states[k], i)
                 tilt = gain * read.along_x, gain * read.along_y
-                add_tilt(c, surface.lattice, place, turn, tilt, weight[i], slope[i])
+                add_tilt(c, surface.lattice, place, turn, tilt, weight, slope)
             for a in range(STATE):
-                slope[i, a] *= free[a]
-            add_square(first[i], weight[i], factor, difference, nx, out.stencil, out.right)
-            _add_state(slope[i], factor, difference, out.blocks[k], out.gradient[k])
+                slope[a] *= free[a]
+                out.pull[row, a] = factor * slope[a]
+            out.w[k, i], out.first[row] = factor, first[i]
+            add_square(first[i], weight, factor, difference, nx, out.stencil, out.right)
+            _add_state(out.pull[row], slope, difference, out.blocks[k], out.gradient[k])
+            row += 1
+    out.start[len(states)] = row
 
 
 @lean_kernel
@@ -123,39 +132,55 @@ def place_of(places: Floats, bend: Floats, state: Floats, taxel: int) -> tuple[t
 
 
 @lean_kernel
-def _add_state(slope: Floats, factor: float, difference: float, block: Floats, gradient: Floats) -> None:
+def _add_state(pull: Floats, slope: Floats, difference: float, block: Floats, gradient: Floats) -> None:
     """Add the information of one reading on its scan's state."""
     for a in range(STATE):
-        gradient[a] += factor * slope[a] * difference
+        gradient[a] += pull[a] * difference
         for b in range(STATE):
-            block[a, b] += factor * slope[a] * slope[b]
+            block[a, b] += pull[a] * slope[b]
 
 
 @long_kernel
-def to_knots(step: Floats, normal: Normal, nx: int, out: Floats) -> None:
+def to_knots(step: Floats, normal: Normal, nx: np.uint64, out: Floats) -> None:
     """Add to out (knots,) what steps of the states (scans, 5) do to the coefficients' equations."""
-    for k in range(normal.first.shape[0]):
-        for i in range(normal.first.shape[1]):
-            if normal.w[k, i] == 0.0:
-                continue
-            pull = 0.0
-            for a in range(STATE):
-                pull += normal.slope[k, i, a] * step[k, a]
-            pull *= normal.w[k, i]
-            for a in range(KNOTS):
-                out[knot_of(normal.first[k, i], a, nx)] += pull * normal.weight[k, i, a]
+    for k in range(len(step)):
+        x, y, theta, gain, size = state_of(step[k])
+        for i in range(normal.start[k], normal.start[k + 1]):
+            own = state_of(normal.pull[i])
+            pull = own.x * x + own.y * y + own.theta * theta + own.gain * gain + own.size * size
+            _add_around(pull, normal.weight[i], normal.first[i], nx, out)
 
 
 @long_kernel
-def to_states(knots: Floats, normal: Normal, nx: int, out: Floats) -> None:
-    """Add to out (scans, 5) what steps of the coefficients (knots,) do to the states' equations."""
-    for k in range(normal.first.shape[0]):
-        for i in range(normal.first.shape[1]):
-            if normal.w[k, i] == 0.0:
-                continue
-            pull = 0.0
-            for a in range(KNOTS):
-                pull += knots[knot_of(normal.first[k, i], a, nx)] * normal.weight[k, i, a]
-            pull *= normal.w[k, i]
-            for a in range(STATE):
-                out[k, a] += pull * normal.slope[k, i, a]
+def to_states(knots: Floats, normal: Normal, nx: np.uint64, out: Floats) -> None:
+    """Fill out (scans, 5) with what steps of the coefficients (knots,) do to the states' equations."""
+    for k in range(len(out)):
+        x = y = theta = gain = size = 0.0
+        for i in range(normal.start[k], normal.start[k + 1]):
+            own, rise = state_of(normal.pull[i]), _sum_around(knots, normal.weight[i], normal.first[i], nx)
+            x, y, theta = x + rise * own.x, y + rise * own.y, theta + rise * own.theta
+            gain, size = gain + rise * own.gain, size + rise * own.size
+        put(State(x, y, theta, gain, size), out[k])
+
+
+@lean_kernel
+def _add_around(pull: float, weight: Floats, first: np.uint64, nx: np.uint64, out: Floats) -> None:
+    """Add pull x weight (16,) to the square of knots from `first`. An unsigned index is not checked for being below 0,
+    which takes as long as the sum.
+    """
+    side = np.uint64(WIDTH)
+    for row in range(side):
+        knot = first + row * nx
+        for column in range(side):
+            out[knot + column] += pull * weight[side * row + column]
+
+
+@lean_kernel
+def _sum_around(knots: Floats, weight: Floats, first: np.uint64, nx: np.uint64) -> float:
+    """Sum of knots x weight (16,) over the square of knots from `first`."""
+    side, total = np.uint64(WIDTH), 0.0
+    for row in range(side):
+        knot = first + row * nx
+        for column in range(side):
+            total += knots[knot + column] * weight[side * row + column]
+    return total
