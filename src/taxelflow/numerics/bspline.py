@@ -215,24 +215,39 @@ def spread(
 
 
 @inlined
-def knot_of(first: int, k: int, nx: int) -> int:
-    """Number of the k-th of the 4 x 4 knots from `first` on. nx: knots in a row of the lattice."""
-    return first + k // 4 * nx + k % 4
+def add_around(pull: float, weight: Floats, first: int, nx: int, out: Floats) -> None:
+    """Add pull x weight (16,), as from `spread`, to the 4 x 4 knots from `first` on of out (knots,). nx: knots in a row
+    of the lattice. Unsigned indices are not checked for being below 0, which takes as long as the sum.
+    """
+    side, corner = np.uint64(4), np.uint64(first)
+    for row in range(side):
+        knot = corner + row * np.uint64(nx)
+        for column in range(side):
+            out[knot + column] += pull * weight[side * row + column]
+
+
+@inlined
+def sum_around(knots: Floats, weight: Floats, first: int, nx: int) -> float:
+    """Sum of knots x weight (16,) over these knots; see `add_around`."""
+    side, corner, total = np.uint64(4), np.uint64(first), 0.0
+    for row in range(side):
+        knot = corner + row * np.uint64(nx)
+        for column in range(side):
+            total += knots[knot + column] * weight[side * row + column]
+    return total
 
 
 @routine
 def gather(first: NDArray[np.int64], weight: Floats, values: Floats, nx: int, out: Floats) -> None:
     """Add values (n, taxels), spread over 4 x 4 knots each, to out (n, knots): the transpose of an evaluation.
 
-    first: (taxels,), weight: (taxels, 16), both from `spread`. nx: see `knot_of`.
+    first: (taxels,), weight: (taxels, 16), both from `spread`. nx: see `add_around`.
     """
     for i in range(len(first)):
         if first[i] < 0:
             continue
-        for k in range(KNOTS):
-            knot = knot_of(first[i], k, nx)
-            for row in range(len(values)):
-                out[row, knot] += weight[i, k] * values[row, i]
+        for row in range(len(values)):
+            add_around(values[row, i], weight[i], first[i], nx, out[row])
 
 
 def in_object(places: Floats, state: Floats) -> Floats:

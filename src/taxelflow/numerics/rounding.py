@@ -35,7 +35,7 @@ REACH = _Reach()
 OBSERVABLE = 4.0
 """A turn is observable if the information on it is this many times what noise alone would pretend."""
 LINEAR_RAD = 0.5
-"""Standard deviation of an angle up to which positions are linear in it; an angle with a larger one is not reported."""
+"""Standard deviation of an angle up to which positions are linear in it."""
 BLIND_M = 0.005
 """Standard deviation of a position, m, beyond which it is not observable along that direction."""
 BLURRED = 0.25

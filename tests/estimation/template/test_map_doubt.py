@@ -49,7 +49,7 @@ def whole_covariance(pattern: Pattern, scanned: Scanned, states: Floats, precisi
     above = upper(stencil, pattern.shape[1])
     whole[scans * STATE :, scans * STATE :] = above + np.triu(above, 1).T
     for row, k in enumerate(np.nonzero(normal.w)[0]):
-        knot = scans * STATE + int(normal.first[row]) + np.arange(KNOTS) // 4 * pattern.shape[1] + np.arange(KNOTS) % 4
+        knot = scans * STATE + normal.first[row] + np.arange(KNOTS) // 4 * pattern.shape[1] + np.arange(KNOTS) % 4
         own = slice(k * STATE, (k + 1) * STATE)
         mixed = np.outer(normal.pull[row], normal.weight[row])
         whole[own, knot] += mixed

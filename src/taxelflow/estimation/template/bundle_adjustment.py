@@ -154,13 +154,13 @@ class Linear:
     def to_knots(self, step: Floats) -> Floats:
         """(knots,), effect of steps of the states (scans, 5) on the coefficients' equations."""
         out = np.zeros(len(self.normal.right))
-        to_knots(step, self.normal, np.uint64(self.pattern.shape[1]), out)
+        to_knots(step, self.normal, self.pattern.shape[1], out)
         return out
 
     def to_states(self, knots: Floats) -> Floats:
         """(scans, 5), what steps of the coefficients (knots,) do to the states' equations."""
         out = np.empty(self.normal.gradient.shape)
-        to_states(knots, self.normal, np.uint64(self.pattern.shape[1]), out)
+        to_states(knots, self.normal, self.pattern.shape[1], out)
         return out
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from taxelflow.estimation.template.observations import Readings
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import WIDTH, Factor, add_diagonal, add_square, smoothness
-from taxelflow.numerics.bspline import KNOTS, STATE, evaluate, in_object, knot_of, spread, state_of
+from taxelflow.numerics.bspline import KNOTS, STATE, add_around, evaluate, in_object, spread, state_of
 from taxelflow.runtime.compiling import long_kernel
 
 if TYPE_CHECKING:
@@ -215,5 +215,4 @@ def add_scans(
                 continue
             w = gain / variance
             add_square(first[i], weight[i], w * gain, reading / gain, shape[1], stencil, right)
-            for a in range(KNOTS):
-                support[knot_of(first[i], a, shape[1])] += w * gain * weight[i, a]
+            add_around(w * gain, weight[i], first[i], shape[1], support)

@@ -61,13 +61,12 @@ def of_map(linear: Linear, precision: Floats) -> Floats:
 
 def _crossed(normal: Normal, nx: int) -> Floats:
     """(scans, 5, knots), information between states and coefficients."""
-    start = normal.start.astype(np.int64)
-    count, scans, knots = int(start[-1]), len(normal.w), len(normal.right)
+    count, scans, knots = int(normal.start[-1]), len(normal.w), len(normal.right)
     around = np.arange(KNOTS)
-    columns = normal.first[:count, np.newaxis].astype(np.int64) + around // WIDTH * nx + around % WIDTH
+    columns = normal.first[:count, np.newaxis] + around // WIDTH * nx + around % WIDTH
     row = np.repeat(np.arange(count), KNOTS)
     by_knot = csr_array((normal.weight[:count].ravel(), (row, columns.ravel())), shape=(count, knots))
-    state = np.repeat(np.arange(scans), np.diff(start))[:, np.newaxis] * STATE + np.arange(STATE)
+    state = np.repeat(np.arange(scans), np.diff(normal.start))[:, np.newaxis] * STATE + np.arange(STATE)
     row = np.repeat(np.arange(count), STATE)
     by_state = csr_array((normal.pull[:count].ravel(), (row, state.ravel())), shape=(count, scans * STATE))
     product: Floats = (by_state.T @ by_knot).toarray()

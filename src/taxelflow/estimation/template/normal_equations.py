@@ -12,7 +12,7 @@ from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.observations import Readings
 from taxelflow.messages import Floats
 from taxelflow.numerics.banded import WIDTH, add_square
-from taxelflow.numerics.bspline import KNOTS, STATE, State, evaluate, put, spread, state_of
+from taxelflow.numerics.bspline import KNOTS, STATE, State, add_around, evaluate, put, spread, state_of, sum_around
 from taxelflow.numerics.robust import OUTLIER, huber_weight
 from taxelflow.runtime.compiling import lean_kernel, long_kernel
 
@@ -30,8 +30,8 @@ class Normal(NamedTuple):
     states. chi, counts: (scans,), robust chi-square and the readings in it.
     """
 
-    start: NDArray[np.uint64]
-    first: NDArray[np.uint64]
+    start: NDArray[np.int64]
+    first: NDArray[np.int64]
     weight: Floats
     pull: Floats
     w: Floats
@@ -48,8 +48,8 @@ class Normal(NamedTuple):
     def empty(cls, scans: int, taxels: int, knots: int) -> Normal:
         """Room for a problem of this size."""
         return cls(
-            np.empty(scans + 1, np.uint64),
-            np.empty(scans * taxels, np.uint64),
+            np.empty(scans + 1, np.int64),
+            np.empty(scans * taxels, np.int64),
             np.empty((scans * taxels, KNOTS)),
             np.empty((scans * taxels, STATE)),
             np.empty((scans, taxels)),
@@ -141,46 +141,23 @@ def _add_state(pull: Floats, slope: Floats, difference: float, block: Floats, gr
 
 
 @long_kernel
-def to_knots(step: Floats, normal: Normal, nx: np.uint64, out: Floats) -> None:
+def to_knots(step: Floats, normal: Normal, nx: int, out: Floats) -> None:
     """Add to out (knots,) what steps of the states (scans, 5) do to the coefficients' equations."""
     for k in range(len(step)):
         x, y, theta, gain, size = state_of(step[k])
-        for i in range(normal.start[k], normal.start[k + 1]):
+        for i in range(np.uint64(normal.start[k]), np.uint64(normal.start[k + 1])):
             own = state_of(normal.pull[i])
             pull = own.x * x + own.y * y + own.theta * theta + own.gain * gain + own.size * size
-            _add_around(pull, normal.weight[i], normal.first[i], nx, out)
+            add_around(pull, normal.weight[i], normal.first[i], nx, out)
 
 
 @long_kernel
-def to_states(knots: Floats, normal: Normal, nx: np.uint64, out: Floats) -> None:
+def to_states(knots: Floats, normal: Normal, nx: int, out: Floats) -> None:
     """Fill out (scans, 5) with what steps of the coefficients (knots,) do to the states' equations."""
     for k in range(len(out)):
         x = y = theta = gain = size = 0.0
-        for i in range(normal.start[k], normal.start[k + 1]):
-            own, rise = state_of(normal.pull[i]), _sum_around(knots, normal.weight[i], normal.first[i], nx)
+        for i in range(np.uint64(normal.start[k]), np.uint64(normal.start[k + 1])):
+            own, rise = state_of(normal.pull[i]), sum_around(knots, normal.weight[i], normal.first[i], nx)
             x, y, theta = x + rise * own.x, y + rise * own.y, theta + rise * own.theta
             gain, size = gain + rise * own.gain, size + rise * own.size
         put(State(x, y, theta, gain, size), out[k])
-
-
-@lean_kernel
-def _add_around(pull: float, weight: Floats, first: np.uint64, nx: np.uint64, out: Floats) -> None:
-    """Add pull x weight (16,) to the square of knots from `first`. An unsigned index is not checked for being below 0,
-    which takes as long as the sum.
-    """
-    side = np.uint64(WIDTH)
-    for row in range(side):
-        knot = first + row * nx
-        for column in range(side):
-            out[knot + column] += pull * weight[side * row + column]
-
-
-@lean_kernel
-def _sum_around(knots: Floats, weight: Floats, first: np.uint64, nx: np.uint64) -> float:
-    """Sum of knots x weight (16,) over the square of knots from `first`."""
-    side, total = np.uint64(WIDTH), 0.0
-    for row in range(side):
-        knot = first + row * nx
-        for column in range(side):
-            total += knots[knot + column] * weight[side * row + column]
-    return total

@@ -27,7 +27,7 @@ class Candidates(NamedTuple):
 class Waiting:
     """Candidates on their way to become keyframes; at 1 kHz hundreds wait.
 
-    left: how many have left since the start. Their states move with the map in use; those of a request stay.
+    left: number removed since the start. Their states move with the map in use; those of a request stay.
     """
 
     def __init__(self, least: int = 64) -> None:
@@ -60,7 +60,7 @@ class Waiting:
         self._count += 1
 
     def leave(self, until: int) -> int:
-        """Take out the first ones, until so many have left since the start; how many that were."""
+        """Remove the oldest, so that `left` is at least `until`; the number removed."""
         gone = max(until - self.left, 0)
         for part in self.all if gone else ():
             part[: len(part) - gone] = part[gone:].copy()

@@ -74,7 +74,7 @@ class LocalMap:
     shown: bool = True
     """See `Solved`."""
     reports_turn: bool = False
-    """Whether fits have agreed well enough on the turn."""
+    """Whether fits have agreed well enough on the turn, while no other hypothesis that explains as much was far."""
     changing: bool = False
     """Whether the pattern does not stay the same: only the last keyframes count."""
     turned: float = 0.0
