@@ -48,19 +48,6 @@ def _add_knot(qy: int, qx: int, wq: float, weight: Floats, coupled: Floats) -> N
             coupled[ay - qy, ax - qx + WIDTH - 1] += wq * weight[ay * WIDTH + ax]
 
 
-def upper(stencil: Floats, nx: int) -> Floats:
-    """(knots, knots), the upper triangle of the symmetric matrix that a stencil stands for."""
-    knots = len(stencil)
-    whole = np.zeros((knots, knots))
-    for dy in range(WIDTH):
-        for column in range(2 * WIDTH - 1):
-            apart = dy * nx + column - (WIDTH - 1)
-            if 0 <= apart < knots:
-                row = np.arange(knots - apart)
-                whole[row, row + apart] += stencil[: knots - apart, dy, column]
-    return whole
-
-
 @long_kernel
 def multiply(stencil: Floats, nx: int, vector: Floats, out: Floats) -> None:
     """Fill out (knots,) with the symmetric matrix times vector."""
@@ -160,6 +147,10 @@ class Factor:
     def solve(self, right: Floats) -> Floats:
         """The solution for one right-hand side (knots,) or several (knots, n)."""
         return self._by_rows(dpbtrs(self._lower, self._as_factored(right), lower=1)[0])
+
+    def whitened(self, vectors: Floats) -> Floats:
+        """(knots, n), the inverse of the factor times vectors (knots, n); its rows are numbered as in the factor."""
+        return np.asarray(dtbtrs(self._lower, self._as_factored(vectors), uplo="L")[0])
 
     def drawn(self, white: Floats) -> Floats:
         """(knots, n), draws of what the matrix is the information on, from white noise (knots, n)."""

@@ -14,7 +14,7 @@ from taxelflow.estimation.template.normal_equations import Normal, assemble
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.pose_output import poses_of
 from taxelflow.messages import Floats
-from taxelflow.numerics.banded import add_diagonal, smoothness, upper
+from taxelflow.numerics.banded import add_diagonal, multiply, smoothness
 from taxelflow.numerics.bspline import KNOTS, STATE
 
 ERROR = 0.01
@@ -46,8 +46,8 @@ def whole_covariance(pattern: Pattern, scanned: Scanned, states: Floats, precisi
     stencil = normal.stencil + pattern.smoothing * smoothness(pattern.shape)
     add_diagonal(stencil, pattern.prior)
     whole = np.zeros((scans * STATE + knots, scans * STATE + knots))
-    above = upper(stencil, pattern.shape[1])
-    whole[scans * STATE :, scans * STATE :] = above + np.triu(above, 1).T
+    for knot, unit in enumerate(np.eye(knots)):
+        multiply(stencil, pattern.shape[1], unit, whole[scans * STATE + knot, scans * STATE :])
     for row, k in enumerate(np.nonzero(normal.w)[0]):
         knot = scans * STATE + normal.first[row] + np.arange(KNOTS) // 4 * pattern.shape[1] + np.arange(KNOTS) % 4
         own = slice(k * STATE, (k + 1) * STATE)
@@ -66,8 +66,10 @@ def whole_covariance(pattern: Pattern, scanned: Scanned, states: Floats, precisi
     return np.stack([of_states[k : k + STATE, k : k + STATE] for k in range(0, scans * STATE, STATE)])
 
 
-def test_it_is_what_the_whole_problem_has_beyond_a_known_map() -> None:
-    pattern, scanned, states, precision = sliding(12)
+@pytest.mark.parametrize(("scans", "more_knots"), [(12, True), (120, False)])
+def test_it_is_what_the_whole_problem_has_beyond_a_known_map(scans: int, *, more_knots: bool) -> None:
+    pattern, scanned, states, precision = sliding(scans)
+    assert (pattern.coefficients.size > scans * STATE) == more_knots
     linear = linearised(pattern, scanned, states, ERROR, precision)
     held = np.linalg.inv(linear.normal.blocks)
     added = of_map(linear, precision)

@@ -1,10 +1,14 @@
 """Covariance of a contact's poses by the error of its map, which is estimated from the same scans.
 
 The information of a scan takes the map as known. With the map's error, the covariance of the states is the inverse of
-their Schur complement. By Woodbury's identity it is B^-1 + B^-1 E M^-1 E^T B^-1, M = H - E^T B^-1 E, of the blocks B of
-the states, the information H of the map's coefficients with their priors, and E between both: a square, by Cholesky
-factors of B and M. The object's frame, which nothing determines, is that in which the mean of the poses stays, as in
-the fit.
+their Schur complement B - E H^-1 E^T, of the blocks B of the states, the information H of the map's coefficients with
+their priors, and E between both. With Cholesky factors B = b b^T, H = h h^T and X = h^-1 E^T b^-T it is
+
+    b^-T (1 - X^T X)^-1 b^-1 = B^-1 + b^-T M^T M b^-1,
+
+a square: M = c^-1 X with c c^T = 1 - X X^T (Woodbury's identity), or, by a smaller matrix where the states are fewer
+than the knots, X above c^-1 X^T X with c c^T = 1 - X^T X. The object's frame, which nothing determines, is that in
+which the mean of the poses stays, as in the fit.
 
 This error changes slowly, as the object moves: consecutive scans share it.
 """
@@ -17,7 +21,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csr_array
 
-from taxelflow.numerics.banded import WIDTH, add_diagonal, upper
+from taxelflow.numerics.banded import WIDTH, Factor, add_diagonal
 from taxelflow.numerics.bspline import KNOTS, STATE, pose_part
 from taxelflow.numerics.rounding import NEGLIGIBLE
 
@@ -44,19 +48,24 @@ def of_map(linear: Linear, precision: Floats) -> Floats:
     add_diagonal(normal.stencil, NEGLIGIBLE * normal.stencil.max())
     whitening = np.asarray(np.linalg.inv(np.linalg.cholesky(normal.blocks)), np.float64)
     whitening[:, fixed] = whitening[:, :, fixed] = 0.0
-    crossed = _crossed(normal, pattern.shape[1])
-    white = (whitening @ crossed).reshape(-1, knots)
-    information = upper(normal.stencil, pattern.shape[1])
-    information -= white.T @ white
-    lower = cholesky(information.T, lower=True, overwrite_a=True, check_finite=False)
-    by_map = solve_triangular(lower, white.T, lower=True, check_finite=False).T.reshape(crossed.shape)
-    moved = whitening.transpose(0, 2, 1) @ by_map  # its square is the covariance of the states by the map
-    frame = pose_part(whitening.transpose(0, 2, 1) @ whitening)  # a change of the frame moves poses only
-    right = np.einsum("kac,kab->cb", crossed, frame)
-    frame = frame + moved @ solve_triangular(lower, right, lower=True, check_finite=False)
+    white = (whitening @ _crossed(normal, pattern.shape[1])).reshape(-1, knots).T
+    by_map = _excess(Factor(normal.stencil, pattern.shape[1]).whitened(white)).T.reshape(scans, STATE, -1)
+    back = whitening.transpose(0, 2, 1)
+    moved = back @ by_map  # its square is the covariance of the states by the map
     own = moved @ moved.transpose(0, 2, 1)
+    white_frame = pose_part(whitening)  # a change of the frame moves poses only
+    frame = back @ white_frame + moved @ np.einsum("kam,kab->mb", by_map, white_frame)
     found: Floats = own - frame @ np.linalg.pinv(frame.sum(axis=0)[: frame.shape[2]]) @ frame.transpose(0, 2, 1)
     return found
+
+
+def _excess(x: Floats) -> Floats:
+    """(..., states), M with M^T M = (1 - X^T X)^-1 - 1. x: (knots, states)."""
+    few_knots = len(x) <= x.shape[1]
+    square = x @ x.T if few_knots else x.T @ x
+    lower = cholesky(np.eye(len(square)) - square, lower=True, overwrite_a=True, check_finite=False)
+    solved = solve_triangular(lower, x if few_knots else square, lower=True, check_finite=False)
+    return np.asarray(solved if few_knots else np.vstack([x, solved]))
 
 
 def _crossed(normal: Normal, nx: int) -> Floats:
