@@ -265,7 +265,7 @@ def test_plot_into_a_file(results: list[Path], tmp_path: Path, capsys: Capture) 
 def hurry(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few rounds on no sensor; processes are not started."""
     monkeypatch.setattr("taxelflow.evaluation.bench._sensors", list)
-    quick = Effort(batch_bytes=200_000, batch_rounds=2, peer_rounds=5, peer_warm=2)
+    quick = Effort(batch_bytes=200_000, batch_rounds=2, large=((4, 6, 30),), large_rounds=1, peer_rounds=5, peer_warm=2)
     monkeypatch.setattr("taxelflow.evaluation.bench.bench", partial(bench, effort=quick))
     monkeypatch.setattr("taxelflow.evaluation.bench.subprocess.run", lambda *_arguments, **_more: None)
 
@@ -276,7 +276,7 @@ def test_bench_prints_its_tables(results: list[Path], monkeypatch: pytest.Monkey
     recording = json.loads((results[0] / "summary.json").read_text())["input"]
     assert main(["bench", "--recording", recording]) == 0
     said = capsys.readouterr().out
-    for word in ("140 scans of", "parsing", "conditioning", "estimating", "writing", "%", "taxelflow --help"):
+    for word in ("140 scans of", "parsing", "conditioning", "estimating", "writing", "%", "4x6", "taxelflow --help"):
         assert word in said
 
 

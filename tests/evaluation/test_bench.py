@@ -15,6 +15,7 @@ from rigged import rigged
 from taxelflow.errors import RecordingMissing
 from taxelflow.evaluation.bench import Bench, _sensors, _simulated, bench, live_step
 from taxelflow.evaluation.bench_effort import USUAL, Effort
+from taxelflow.evaluation.bench_large import _covering
 from taxelflow.evaluation.bench_throughput import batch_centroids
 from taxelflow.publish.summary import to_json
 from taxelflow.simulation.simulate import save, simulate
@@ -43,7 +44,16 @@ STAGES = ["parsing", "conditioning", "segmenting", "estimating", "monitoring and
 
 
 QUICK = Effort(
-    rounds=2, budget_s=0.01, strokes=4, readings=1, batch_bytes=200_000, batch_rounds=1, peer_rounds=2, peer_warm=1
+    rounds=2,
+    budget_s=0.01,
+    strokes=4,
+    readings=1,
+    batch_bytes=200_000,
+    batch_rounds=1,
+    peer_rounds=2,
+    peer_warm=1,
+    large=((4, 6, 30),),
+    large_rounds=1,
 )
 
 
@@ -143,6 +153,7 @@ def test_json_makes_the_round_trip(figures: Bench) -> None:
         "latencies",
         "peers",
         "throughputs",
+        "large",
         "recording",
         "scans",
         "shares",
@@ -182,6 +193,26 @@ def test_throughput_is_of_reading_centroids_and_the_whole_step(figures: Bench) -
         assert row.gb_per_s > 0
         assert row.million_scans_per_s > 0
         assert row.what != "reading" or row.share_of_read == 1
+
+
+def test_a_large_pad_is_measured_with_and_without_unseen_errors(figures: Bench) -> None:
+    assert [(row.pad, row.taxels, row.scans, row.unseen_error) for row in figures.large] == [
+        ("4x6", 24, 30, 0.0),
+        ("4x6", 24, 30, 0.05),
+    ]
+    assert all(row.cpu_s > 0 for row in figures.large)
+
+
+@pytest.mark.parametrize("size", USUAL.large, ids=str)
+def test_a_large_pad_is_covered_in_all_scans(size: tuple[int, int, int]) -> None:
+    rows, cols, scans = size
+    recording = simulate(_covering(rows, cols, scans))
+    readings = np.concatenate([block.values for block in recording.blocks()])
+    assert readings.shape == (scans, rows * cols)
+    assert np.quantile(readings[scans // 2], 0.01) > 0.1 * readings.max()
+    assert recording.truth is not None
+    travelled = np.ptp(recording.truth.pose[:, :2], axis=0)
+    assert np.hypot(*travelled) == pytest.approx(0.01, rel=0.02)
 
 
 def test_the_benchs_centroids_are_those_of_the_estimator() -> None:

@@ -23,6 +23,7 @@ from taxelflow.estimation.centroid.paper_reference import convolution_index
 from taxelflow.estimation.completion import start_slips
 from taxelflow.evaluation.base import Watch, table_of, unwatched
 from taxelflow.evaluation.bench_effort import USUAL, Effort
+from taxelflow.evaluation.bench_large import LargePad, large_pads
 from taxelflow.evaluation.bench_peers import PeerBench, PeerLatency, bench_peers, last_of
 from taxelflow.evaluation.bench_reading import ReadingRate, reading_rates
 from taxelflow.evaluation.bench_space import space_steps
@@ -88,6 +89,7 @@ class Bench(msgspec.Struct, frozen=True):
     latencies: list[Latency]
     peers: PeerBench
     throughputs: list[Throughput]
+    large: list[LargePad]
     recording: str
     scans: int
     shares: list[Share]
@@ -95,11 +97,12 @@ class Bench(msgspec.Struct, frozen=True):
     starts: list[Start]
 
     def tables(self) -> list[Table]:
-        """Steps, other software, throughput, stages of one run, reading, start of a process."""
+        """Steps, other software, throughput, large pads, stages of one run, reading, start of a process."""
         return [
             table_of("steps", self.latencies, Latency),
             table_of("peers", self.peers.rows, PeerLatency),
             table_of("throughput", self.throughputs, Throughput),
+            table_of("large", self.large, LargePad),
             table_of("stages", self.shares, Share),
             table_of("reading", self.readings, ReadingRate),
             table_of("start", self.starts, Start),
@@ -115,10 +118,11 @@ def bench(recording: Path | None, watched: Watch = unwatched, effort: Effort = U
         opened = api.read(recording)  # one that cannot be read is refused before the minutes of work
         latencies = [row for sensor in watched(_sensors(), "sensors") for row in _latencies(sensor, effort)]
         throughputs = [row for size in watched((16, 32, 64), "sizes of a pad") for row in throughput(size, effort)]
+        large = [row for size in watched(effort.large, "large pads") for row in large_pads(*size, effort)]
         scans, shares = _shares(opened, Path(folder) / "result")
         readings = reading_rates(opened, Path(folder), effort)
     peers = bench_peers((), effort)
-    return Bench(latencies, peers, throughputs, recording.name, scans, shares, readings, _starts())
+    return Bench(latencies, peers, throughputs, large, recording.name, scans, shares, readings, _starts())
 
 
 def _simulated(strokes: int) -> Scenario:

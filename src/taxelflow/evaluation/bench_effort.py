@@ -21,6 +21,10 @@ class Effort:
     """Size of the scans that are estimated at once, far larger than caches."""
     batch_rounds: int = 7
     """Estimates of these, of which the fastest counts."""
+    large: tuple[tuple[int, int, int], ...] = ((16, 16, 200), (34, 34, 76), (22, 34, 400))
+    """Rows, columns and scans of contacts that cover a pad."""
+    large_rounds: int = 2
+    """Batches of each, of which the fastest counts."""
     peer_rounds: int = 1000
     """Timed steps beside other software, one scan each."""
     peer_warm: int = 100

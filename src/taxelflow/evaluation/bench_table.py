@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def show_bench(found: Bench) -> None:
-    """One step, other software, many scans at once, shares of a run, reading, start of a process."""
+    """One step, other software, many scans at once, large pads, shares of a run, reading, start of a process."""
     console = Console(markup=False)
     console.print(_steps(found))
     console.print()
@@ -23,7 +23,7 @@ def show_bench(found: Bench) -> None:
         console.print(f"other software is not timed: {found.peers.skipped}", style="dim")
     else:
         console.print(_peers(found))
-    for table in (_throughputs(found), _shares(found), _readings(found), _starts(found)):
+    for table in (_throughputs(found), _large(found), _shares(found), _readings(found), _starts(found)):
         console.print()
         console.print(table)
 
@@ -44,6 +44,13 @@ def _throughputs(found: Bench) -> Table:
     columns = (("array:", "array"), ("what:", "what"), ("GB/s", "gb_per_s", 1), ("x read", "share_of_read", 2))
     last = ("Mscans/s", "million_scans_per_s", 2)
     return shown(found.throughputs, *columns, last, title="many scans at once, one core")
+
+
+def _large(found: Bench) -> Table:
+    columns = (("pad:", "pad"), ("taxels", "taxels", 0), ("scans", "scans", 0))
+    unseen = ("unseen error", lambda row: f"{100 * row.unseen_error:.0f} %")
+    title = "batches of template, contacts that cover the pad"
+    return shown(found.large, *columns, unseen, ("CPU s", "cpu_s", 1), title=title)
 
 
 def _shares(found: Bench) -> Table:
