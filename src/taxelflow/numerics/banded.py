@@ -34,17 +34,20 @@ def add_square(
     for qy in range(WIDTH):
         for qx in range(WIDTH):
             wq = factor * weight[qy * WIDTH + qx]
-            if wq != 0.0:
-                knot = first + qy * nx + qx
-                right[knot] += wq * reading
-                _add_knot(qy, qx, wq, weight, stencil[knot])
+            knot = np.uint64(first + qy * nx + qx)
+            right[knot] += wq * reading
+            _add_knot(qy, qx, wq, weight, stencil[knot])
 
 
 @inlined
 def _add_knot(qy: int, qx: int, wq: float, weight: Floats, coupled: Floats) -> None:
-    """Add wq x weight to what a knot is coupled with (WIDTH, 2 WIDTH - 1): itself and those after it."""
-    for ay in range(qy, WIDTH):
-        for ax in range(qx if ay == qy else 0, WIDTH):
+    """Add wq x weight to what a knot is coupled with (WIDTH, 2 WIDTH - 1): itself and those after it, in its row of
+    knots and, WIDTH at once, in those that follow.
+    """
+    for ax in range(qx, WIDTH):
+        coupled[0, ax - qx + WIDTH - 1] += wq * weight[qy * WIDTH + ax]
+    for ay in range(qy + 1, WIDTH):
+        for ax in range(WIDTH):
             coupled[ay - qy, ax - qx + WIDTH - 1] += wq * weight[ay * WIDTH + ax]
 
 

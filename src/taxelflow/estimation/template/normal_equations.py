@@ -14,7 +14,7 @@ from taxelflow.messages import Floats
 from taxelflow.numerics.banded import WIDTH, add_square
 from taxelflow.numerics.bspline import KNOTS, STATE, State, add_around, evaluate, put, spread, state_of, sum_around
 from taxelflow.numerics.robust import OUTLIER, huber_weight
-from taxelflow.runtime.compiling import lean_kernel, long_kernel
+from taxelflow.runtime.compiling import inlined, lean_kernel, long_kernel
 
 FIT_HUBER = 4.0
 """Standard deviations above which a reading weighs less in a fit (Huber)."""
@@ -71,9 +71,9 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
     """
     c, places, nx = surface.c, readings.places, surface.c.shape[1]
     taxels, row = places.shape[1], 0
-    value, at, slope = np.empty((taxels, 5)), np.empty(STATE), np.empty(STATE)
+    value, at, slope, slopes = np.empty((taxels, 5)), np.empty(STATE), np.empty(STATE), np.zeros((STATE, taxels))
     first, weights = np.empty(taxels, np.int64), np.empty((taxels, KNOTS))
-    out.stencil[:], out.right[:], out.blocks[:], out.gradient[:] = 0.0, 0.0, 0.0, 0.0
+    out.stencil[:], out.right[:] = 0.0, 0.0
     for k in range(len(states)):
         out.start[k] = row
         x, y, theta, gain, depth = state_of(states[k])
@@ -112,12 +112,12 @@ def assemble(surface: Surface, readings: Readings, states: Floats, free: Floats,
                 tilt = gain * read.along_x, gain * read.along_y
                 add_tilt(c, surface.lattice, place, turn, tilt, weight, slope)
             for a in range(STATE):
-                slope[a] *= free[a]
-                out.pull[row, a] = factor * slope[a]
+                slopes[a, i] = free[a] * slope[a]
+                out.pull[row, a] = factor * slopes[a, i]
             out.w[k, i], out.first[row] = factor, first[i]
             add_square(first[i], weight, factor, difference, nx, out.stencil, out.right)
-            _add_state(out.pull[row], slope, difference, out.blocks[k], out.gradient[k])
             row += 1
+        _sum_states(out.w[k], slopes, out.residual[k], out.blocks[k], out.gradient[k])
     out.start[len(states)] = row
 
 
@@ -132,12 +132,21 @@ def place_of(places: Floats, bend: Floats, state: Floats, taxel: int) -> tuple[t
 
 
 @lean_kernel
-def _add_state(pull: Floats, slope: Floats, difference: float, block: Floats, gradient: Floats) -> None:
-    """Add the information of one reading on its scan's state."""
+def _sum_states(w: Floats, slopes: Floats, residual: Floats, block: Floats, gradient: Floats) -> None:
+    """Fill the information (5, 5) of a scan's readings on its state, and the gradient (5,). slopes: (5, taxels)."""
     for a in range(STATE):
-        gradient[a] += pull[a] * difference
-        for b in range(STATE):
-            block[a, b] += pull[a] * slope[b]
+        gradient[a] = _weighted(w, slopes[a], residual)
+        for b in range(a, STATE):
+            block[a, b] = block[b, a] = _weighted(w, slopes[a], slopes[b])
+
+
+@inlined
+def _weighted(w: Floats, one: Floats, other: Floats) -> float:
+    """Sum of products with weights w, (taxels,) each."""
+    total = 0.0
+    for i in range(len(w)):
+        total += w[i] * one[i] * other[i]
+    return total
 
 
 @long_kernel
