@@ -56,6 +56,13 @@ def test_speed_is_the_path_over_the_time_of_all_slips() -> None:
     assert (first.path_m, first.std_path_m, first.speed_m_s) == pytest.approx((0.03, 5e-4, 0.05))
 
 
+def test_a_slip_whose_stop_was_withdrawn_counts_once() -> None:
+    on = replace(START, t_s=0.85, onset_s=0.29)  # as of its pose; at first its pattern had not consented
+    stop = replace(STOP, t_s=0.95, onset_s=0.95, path_m=0.013, duration_s=0.65)
+    (first, _) = totals(events=(START, STOP, on, stop)).contacts()
+    assert (first.slips, first.path_m, first.slip_s) == pytest.approx((1, 0.013, 0.65))
+
+
 def test_a_contact_without_slip_has_gone_no_way() -> None:
     first, second = totals(events=()).contacts()
     assert (first.slips, first.path_m, first.speed_m_s) == (0, 0, None)

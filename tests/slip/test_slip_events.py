@@ -66,6 +66,16 @@ def test_a_stream_gives_each_event_at_once() -> None:
     assert second[0].path_m == pytest.approx(0.02, rel=0.02)
 
 
+def test_a_slip_whose_stop_was_withdrawn_ends_with_its_whole_path() -> None:
+    pose = slid(VELOCITY)
+    pose[170:, 0] += np.minimum(np.arange(130), 30) / RATE_HZ * 0.04  # the last 0.3 s are three times as fast
+    events = START, Event(1.71, "pad", "slip_stop", 1.7), replace(START, t_s=1.73), STOP
+    found = [event for given in completed(slips_of(pose), events=events, stream=True) for event in given]
+    assert kinds(found) == ["slip_start", "slip_stop"] * 2
+    assert found[1].path_m == pytest.approx(0.014, rel=0.02)
+    assert (found[-1].path_m, found[-1].duration_s) == pytest.approx((0.032, 1.0), rel=0.02)
+
+
 def test_a_slip_that_goes_on_ends_with_the_recording() -> None:
     (_, (start,)) = completed(slips_of(slid(VELOCITY)), events=(START,))
     assert start.duration_s == pytest.approx(1.0)

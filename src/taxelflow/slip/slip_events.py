@@ -1,7 +1,8 @@
 """Events of slips completed by the motion of the whole slip, as fitted to its poses.
 
 In a recording begin and end of a slip both carry its motion: events from the begin of a slip on wait for its end. A
-stream gives each event at once, so that only the end carries the motion, from the scans since the slip was reported.
+stream gives each event at once, so that only the end carries the motion, from the scans since the slip was reported. A
+slip whose stop was withdrawn keeps the scans before that stop.
 """
 
 from __future__ import annotations
@@ -45,6 +46,8 @@ class SlipEvents:
         self._stream = stream
         self._open: dict[int, _Held] = {}
         """Begins of the slips that go on, by pad."""
+        self._end_s: dict[int, float] = {}
+        """Latest stop, by pad. A slip that began before it is the one that it ended: the stop was withdrawn."""
         self._loss: Floats | None = None
         self._steps: dict[int, list[Steps]] = {}
         """Of the slips that go on, while there is room for each scan of them."""
@@ -127,12 +130,13 @@ class SlipEvents:
             if start.waits:
                 start.event, start.waits = _with_motion(start.event, motion), False
             if held.event.event == "slip_stop":
-                held.event = _with_motion(held.event, motion)
+                held.event, self._end_s[pad] = _with_motion(held.event, motion), held.event.onset_s
         if held.event.event == "slip_start":
             held.waits = not self._stream
             self._open[pad] = held
-            self._progress[pad] = (0, nan, False)
-            self._steps[pad] = []
+            if held.event.onset_s >= self._end_s.get(pad, -np.inf):
+                self._progress[pad] = (0, nan, False)
+                self._steps[pad] = []
 
     def _motion(self, pad: int, start: _Held, end_s: float | None) -> SlipMotion:
         """Of a slip from its onset to a time, s; to its last scan if None."""
