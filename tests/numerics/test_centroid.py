@@ -52,6 +52,13 @@ def test_the_centre_of_pressure_counts_what_lies_next_to_the_contact_and_nothing
     np.testing.assert_allclose(out[[0, 1, 3, 4]], [(1000.0 + 80.0) / 1070.0, 0.0, 1070.0, 1.1**2])
 
 
+@pytest.mark.parametrize("beside", [-1000.0, -1200.0], ids=["as much", "more"])
+def test_readings_below_0_that_outweigh_the_load_leave_the_centre_where_the_load_is(beside: float) -> None:
+    out, edge = np.empty(5), np.array([False, True, False, False])
+    pressure_centre(np.array([0.0, 1000.0, beside, 0.0]), np.full(4, 100.0), in_line(4), edge, out)
+    np.testing.assert_allclose(out, [1.0, 0.0, 1.0, 1000.0, 1.1**2])
+
+
 def test_the_centre_of_pressure_of_a_dome_follows_it_where_few_taxels_are_surely_loaded() -> None:
     axis = np.arange(7.0)
     places = np.stack([part.ravel() for part in np.meshgrid(axis, axis)])

@@ -92,7 +92,8 @@ def pressure_centre(reading: Floats, variance: Floats, places: Floats, edge: Boo
 
     A reading next to the contact may hold load, though not surely: without it, the centre is off by up to a tenth of a
     pitch where few taxels are loaded. A masked taxel counts with what those next to it read, or the centre would jump
-    by up to a pitch in a scan that lacks a reading. Arguments as for `loaded_centroid`, places in pitches.
+    by up to a pitch in a scan that lacks a reading. Readings below 0 that outweigh the load have no centre: that of
+    `loaded_centroid` stays. Arguments as for `loaded_centroid`, places in pitches.
     """
     loaded_centroid(reading, variance, places, edge, out[:4])
     out[4] = 0.0
@@ -113,7 +114,8 @@ def pressure_centre(reading: Floats, variance: Floats, places: Floats, edge: Boo
             p = reading[i] if variance[i] > 0.0 else _around(i, reading, variance, places)
             total, sx, sy = total + p, sx + p * x, sy + p * y
             border += p if edge[i] else 0.0
-    out[0], out[1], out[2], out[3] = out[0] + sx / total, out[1] + sy / total, border / total, total
+    if total > 0.0:
+        out[0], out[1], out[2], out[3] = out[0] + sx / total, out[1] + sy / total, border / total, total
     out[4] = reach * reach
 
 
