@@ -49,7 +49,7 @@ def strength(readings: Floats, variance: Floats) -> Floats:
     """(...), how many standard deviations readings (..., taxels) that stand out are above nothing, together."""
     with np.errstate(over="ignore"):  # constant readings have next to no noise: they are infinitely far above nothing
         squared = np.divide(readings**2, variance, out=np.zeros_like(readings), where=(variance > 0) & (readings > 0))
-    total: Floats = np.sqrt(np.sum(squared, axis=-1, where=squared > SIGNIFICANT**2))
+        total: Floats = np.sqrt(np.sum(squared, axis=-1, where=squared > SIGNIFICANT**2))
     return total
 
 
