@@ -13,5 +13,5 @@ with socket.create_connection(("127.0.0.1", 7000)) as connection:
         for event in scan["events"]:
             print(f"{event['t_s']:8.3f} s  {event['pad']}: {event['event']}")
         for name, pad in scan["pads"].items():
-            if pad["slipping"]:
+            if pad["slipping"] and pad["vx_m_s"] is not None:  # unknown is null
                 print(f"{scan['t_s']:8.3f} s  {name}: {1e3 * pad['vx_m_s']:+.1f}, {1e3 * pad['vy_m_s']:+.1f} mm/s")

@@ -50,16 +50,21 @@ def opened(url: str, sensor: Sensor = PALM) -> Any:
 
 @contextmanager
 def running(
-    source: str, *sinks: str, limits: Limits | None = None, record: bool = False, sensor: Sensor = PALM
+    source: str,
+    *sinks: str,
+    limits: Limits | None = None,
+    record: bool = False,
+    sensor: Sensor = PALM,
+    method: str = "convolution",
 ) -> Iterator[list[Report]]:
     """A run in a thread; its report is in the list when the context ends."""
     device = opened(source, sensor)
-    live = None if record else Live(device.recording)
+    live = None if record else Live(device.recording, method)
     reports: list[Any] = []
 
     def work() -> None:
         try:
-            reports.append(run_live(device, opened_sinks(sinks), live, limits or Limits(), "convolution"))
+            reports.append(run_live(device, opened_sinks(sinks), live, limits or Limits(), method))
         except Exception as error:
             reports.append(error)
 

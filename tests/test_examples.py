@@ -106,10 +106,18 @@ def test_04_holds_what_would_slide_and_lets_slip_what_was_asked_for(ran: Callabl
     assert felt == pytest.approx(slid, abs=0.3)
 
 
-def test_05_follows_a_run_by_json_lines(ran: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("method", "slipping"),
+    [("convolution", r"pad0: \+\d+\.\d, [-+]\d+\.\d mm/s"), ("sum", "pad0: slip_start")],
+    ids=["velocity", "no velocity"],
+)
+def test_05_follows_a_run_by_json_lines(
+    ran: Callable[..., str], monkeypatch: pytest.MonkeyPatch, method: str, slipping: str
+) -> None:
     port, out = free_port(), free_port()
     connect = socket.create_connection
-    with running(f"tcp-listen://127.0.0.1:{port}", f"jsonl-listen://127.0.0.1:{out}"), connected(port) as device:
+    urls = f"tcp-listen://127.0.0.1:{port}", f"jsonl-listen://127.0.0.1:{out}"
+    with running(*urls, method=method), connected(port) as device:
         connected(out).close()  # it listens once the source does
 
         def here(_place: object) -> socket.socket:
@@ -120,7 +128,7 @@ def test_05_follows_a_run_by_json_lines(ran: Callable[..., str], monkeypatch: py
         monkeypatch.setattr(socket, "create_connection", here)
         said = ran("05_live_client.py")
     assert "pad0: contact" in said
-    assert re.search(r"pad0: \+\d+\.\d, [-+]\d+\.\d mm/s", said)
+    assert re.search(slipping, said)
     assert len((EXAMPLES / "05_live_client.py").read_text().splitlines()) <= 20
 
 
