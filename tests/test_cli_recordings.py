@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +99,32 @@ def test_columns_mean_nothing_for_a_bag(tmp_path: Path, sensor: Path, capsys: Ca
     code, _, err = run(capsys, "info", bag, "--sensor", sensor, "--columns.skip", 1)
     assert code == 2
     assert "must be left out for .bag recordings" in err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("info",),
+        ("info", "--json"),
+        ("convert", "b.npz"),
+        ("estimate", "--out", "out"),
+        ("estimate", "--out=o", "--json"),
+    ],
+    ids=" ".join,
+)
+def test_what_was_lost_is_told_though_nobody_reads_the_rest(
+    tmp_path: Path, sensor: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    convert(recorded(VALUES, PALM), tmp_path / "a.csv")
+    (tmp_path / "a.csv").write_text((tmp_path / "a.csv").read_text()[:-100])
+    reader, writer = os.pipe()
+    os.close(reader)
+    with open(writer, "w") as closed, monkeypatch.context() as here:  # noqa: PTH123 - a descriptor
+        here.setattr(sys, "stdout", closed)
+        code = main([words[0], "a.csv", *words[1:], "--sensor", str(sensor)])
+    assert code == 1
+    assert "a.csv is truncated: 69 scans could be read" in capsys.readouterr().err
 
 
 @pytest.mark.long

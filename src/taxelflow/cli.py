@@ -39,7 +39,7 @@ from taxelflow.pipeline.batch.options import Estimating
 from taxelflow.pipeline.live.command import Record, Run
 from taxelflow.pipeline.live.emulators.command import Emulate
 from taxelflow.runtime import registry
-from taxelflow.runtime.complaint import OUTPUT, complain
+from taxelflow.runtime.complaint import OUTPUT, as_far_as_read, complain
 from taxelflow.runtime.exit_codes import ExitCode
 from taxelflow.runtime.streams import settle_streams
 from taxelflow.simulation.command import Simulate
@@ -91,7 +91,8 @@ class Estimate(Recorded, Estimating):
             tables.write_patterns(run.patterns)
             tables.write_summary(summary)
         if self.json:
-            sys.stdout.buffer.write(to_json(summary))
+            with as_far_as_read():
+                sys.stdout.buffer.write(to_json(summary))
             note_on_stderr(summary)
         else:
             print_summary(summary, self.out)
@@ -129,7 +130,8 @@ class Convert(Recorded):
             print(f"{recording_to_lerobot(recording, self.out, self.method)} scans in {self.out}")
             return 0
         reading = api.convert(recording, self.out, lambda blocks: progress(blocks, recording.scans, "converting"))
-        print(f"{reading.scans} scans of {recording.sensor.name} in {self.out}")
+        with as_far_as_read():
+            print(f"{reading.scans} scans of {recording.sensor.name} in {self.out}")
         if self.out.suffix.lower() == ".csv":
             print(f"taxelflow: {left_out(recording)}", file=sys.stderr)
         for note in (*reading.notes, *([reading.loss] if reading.loss else [])):

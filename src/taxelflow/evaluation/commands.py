@@ -20,6 +20,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import write_tables
 from taxelflow.runtime import registry
 from taxelflow.runtime.checks import at_least
+from taxelflow.runtime.complaint import as_far_as_read
 from taxelflow.runtime.exit_codes import ExitCode
 
 if TYPE_CHECKING:
@@ -103,10 +104,11 @@ class Info(Recorded):
 
         recording = api.opened(self)
         checkup = check_up(recording, lambda blocks: progress(blocks, recording.scans, "reading"), self.condition)
-        if self.json:
-            sys.stdout.buffer.write(to_json(checkup))
-        else:
-            show_checkup(checkup)
+        with as_far_as_read():
+            if self.json:
+                sys.stdout.buffer.write(to_json(checkup))
+            else:
+                show_checkup(checkup)
         for note in (*checkup.notes, *([checkup.loss] if checkup.loss else [])):
             print(f"taxelflow: {note}", file=sys.stderr)
         return ExitCode.PARTLY_DONE if checkup.loss else 0

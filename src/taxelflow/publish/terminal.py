@@ -15,6 +15,7 @@ from rich.text import Text
 
 from taxelflow.publish.contact_table import contact_table
 from taxelflow.publish.quiet import quiet_table
+from taxelflow.runtime.complaint import as_far_as_read
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sized
@@ -74,15 +75,16 @@ def _bar(what: str, total: int | None, unit: str) -> Iterator[Callable[[int], No
 def print_summary(summary: Summary, directory: Path) -> None:
     """A finished run in a few lines; what was lost or odd goes to stderr."""
     console = Console(markup=False)
-    if summary.contact:
-        contacts = contact_table(summary)
-        caption = f"{contacts.hidden} more contacts: see summary.json" if contacts.hidden else None
-        title = f"{summary.method}, {summary.scans} scans of {summary.sensor}"
-        table = quiet_table(*contacts.headings, title=title, caption=caption)
-        for row in contacts.rows:
-            table.add_row(*map(Text, row))
-        console.print(table)
-    console.print(f"results in {directory}", highlight=False, soft_wrap=True)
+    with as_far_as_read():
+        if summary.contact:
+            contacts = contact_table(summary)
+            caption = f"{contacts.hidden} more contacts: see summary.json" if contacts.hidden else None
+            title = f"{summary.method}, {summary.scans} scans of {summary.sensor}"
+            table = quiet_table(*contacts.headings, title=title, caption=caption)
+            for row in contacts.rows:
+                table.add_row(*map(Text, row))
+            console.print(table)
+        console.print(f"results in {directory}", highlight=False, soft_wrap=True)
     note_on_stderr(summary)
 
 
