@@ -60,6 +60,7 @@ class Contact:
         within("contact.texture", self.texture, 0.0, 1.0)
         not_negative("contact.ring_m", self.ring_m)
         not_negative("contact.deform_1_m", self.deform_1_m)
+        _bounded("contact.feet_at_m", *(number for place in self.feet_at_m for number in place))
 
     @property
     def length_m(self) -> float:
@@ -118,8 +119,10 @@ class Motion:
             positive(f"motion.{name}", getattr(self, name))
         for name in ("rest_s", "travel_m"):
             not_negative(f"motion.{name}", getattr(self, name))
-        for number in (self.direction_rad, self.turn_rad_s, self.angle_rad, *self.middle_m):
-            within("each of motion.direction_rad, turn_rad_s, angle_rad and middle_m", number, -LARGEST, LARGEST)
+        for name in ("direction_rad", "turn_rad_s", "angle_rad"):
+            _bounded(f"motion.{name}", getattr(self, name))
+        _bounded("motion.middle_m", *self.middle_m)
+        _bounded("motion.centre_m", *(self.centre_m or ()))
         _ordered("motion.interval_s", self.interval_s)
         _ordered("motion.slip_m_s", self.slip_m_s)
         if self.kind == "stick-slip" and self.travel_m < 2 * self.interval_s[1] * self.slip_m_s[1]:
@@ -173,6 +176,8 @@ class Load:
         within("load.cycles", self.cycles, 1, _MOST_COUNT)
         within("load.growth", self.growth, 0.0, 0.5)
         within("load.tilt", self.tilt, -1.0, 1.0)
+        _bounded("load.roll_m", self.roll_m)
+        _bounded("load.towards_rad", self.towards_rad)
         not_negative("load.lift_s", self.lift_s)
         within("load.steps", self.steps, 0, _MOST_COUNT)
 
@@ -228,6 +233,7 @@ class Sensing:
         positive("sensing.full_scale_pa", self.full_scale_pa)
         for name in ("noise_pa", "gain_spread", "gain_wobble", "jitter_s"):
             not_negative(f"sensing.{name}", getattr(self, name))
+        _bounded("sensing.drift_pa_s", self.drift_pa_s)
         low, high = self.baseline_pa
         if not float("-inf") < low <= high < float("inf"):
             raise ParameterInvalid("sensing.baseline_pa", self.baseline_pa, "be two numbers in Pa, smaller first")
@@ -235,6 +241,12 @@ class Sensing:
         within("sensing.bits", self.bits, 1, 32)
         if not 0 < self.active_share <= 1:
             raise ParameterInvalid("sensing.active_share", self.active_share, "be above 0 and at most 1")
+
+
+def _bounded(name: str, *numbers: float) -> None:
+    """Each a number of either sign, none absurdly large."""
+    for number in numbers:
+        within(name, number, -LARGEST, LARGEST)
 
 
 def _ordered(name: str, span: tuple[float, float]) -> None:
