@@ -34,6 +34,22 @@ def values(scenario: Scenario) -> Floats:
     return simulate(scenario).load().values
 
 
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        Scenario(sensing=Sensing(rate_hz=1e9)),
+        Scenario(motion=Motion(rest_s=1e9)),
+        Scenario(motion=Motion(speed_m_s=1e-12)),
+        Scenario(motion=Motion(rest_s=1e300)),
+    ],
+)
+def test_a_recording_too_large_to_be_read_is_refused(scenario: Scenario) -> None:
+    with pytest.raises(
+        ParameterInvalid, match=r"rate_hz must be at most .* Hz, .* 162 taxels over .* are more than 1\.1 GB"
+    ):
+        simulate(scenario)
+
+
 def test_on_the_palm_the_hand_frame_is_the_pads() -> None:
     motion = Motion(turn_rad_s=0.2)
     scenario = Scenario(contact=Contact("elongated", radius_m=0.01), motion=motion, sensing=EXACT)

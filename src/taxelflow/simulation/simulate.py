@@ -11,6 +11,7 @@ import numpy as np
 
 from taxelflow.acquire.base import HAND, Recording, Truth
 from taxelflow.acquire.blocks import cut_up
+from taxelflow.acquire.limits import FREE_BYTES
 from taxelflow.acquire.npz import write_npz
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.messages import RawScans
@@ -51,6 +52,7 @@ def simulate(scenario: Scenario | str) -> Recording:
     for taxel in scenario.sensing.dead:
         if not 0 <= taxel < layout.taxels:
             raise ParameterInvalid("sensing.dead", taxel, f"list taxels between 0 and {layout.taxels - 1}")
+    _check_size(scenario, layout)
     random = np.random.default_rng(scenario.seed)
     t_s = clock(scenario.sensing, scenario.motion.duration_s, random)
     pressure = pressures(scenario, layout, touched, t_s)
@@ -114,6 +116,15 @@ def pressures(
         )
         pressure[:, own] = distinct[which]
     return pressure
+
+
+def _check_size(scenario: Scenario, layout: Layout) -> None:
+    """Raises ParameterInvalid for a recording that is larger than any file may unpack to."""
+    most_hz = FREE_BYTES / (layout.taxels * np.dtype(np.float64).itemsize) / scenario.motion.duration_s
+    if scenario.sensing.rate_hz > most_hz:
+        lasts = f"{layout.taxels} taxels over {scenario.motion.duration_s:.3g} s"
+        duty = f"be at most {most_hz:.3g} Hz, or the motion shorter: {lasts} are more than {FREE_BYTES / 1e9:.1f} GB"
+        raise ParameterInvalid("sensing.rate_hz", scenario.sensing.rate_hz, duty)
 
 
 def _distinct(pose: Floats, state: State) -> tuple[Bools, NDArray[np.int64]]:
