@@ -160,10 +160,12 @@ def test_the_summary_names_recording_method_and_parameters(tmp_path: Path) -> No
 
 def test_parameters_of_the_stages_are_options(tmp_path: Path) -> None:
     arguments = ["--condition.tare", "none", "--condition.contact-on", "9", "--monitor.settle-s", "0.2"]
+    arguments += ["--fusion.edge-doubt", "0.5"]
     assert main(["estimate", str(save_npz(tmp_path / "a.npz")), "--out", str(tmp_path), *arguments]) == 0
     parameters = json.loads((tmp_path / "summary.json").read_text())["parameters"]
     assert (parameters["condition"]["tare"], parameters["condition"]["contact_on"]) == ("none", 9.0)
     assert parameters["monitor"]["settle_s"] == 0.2
+    assert parameters["fusion"] == {"edge_doubt": 0.5}
 
 
 @pytest.mark.parametrize("option", [["--gain", "1.04"], ["--gain=1.04"]], ids=" ".join)

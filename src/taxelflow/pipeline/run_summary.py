@@ -49,6 +49,7 @@ def summarise(method: str, pipeline: Pipeline, run: Run, totals: Totals) -> Summ
             "method": asdict(cast("Any", pipeline.estimator)),
             "condition": asdict(pipeline.condition),
             "monitor": asdict(pipeline.monitor),
+            "fusion": asdict(pipeline.fusion),
             "features": asdict(pipeline.features),
             "smooth": asdict(pipeline.smooth),
             "spatial": asdict(pipeline.spatial),
