@@ -118,6 +118,11 @@ class Joints:
                 found[:, column] = angles if len(self.t_s) == 1 else np.where(inside, angles, np.nan)
         return found
 
+    @staticmethod
+    def bridged_s() -> float:
+        """Longest gap in time over which angles are interpolated, s."""
+        return _JOINTS.gap_s
+
     def _hold_ends(self, t_s: Floats, own: Floats, angles: Floats) -> None:
         """Let a joint's first and last known angle hold around the times that it shares with others. own: (times,)."""
         known = np.flatnonzero(np.isfinite(own))

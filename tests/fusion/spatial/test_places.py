@@ -56,10 +56,18 @@ def test_angles_of_some_scans_place_pads_in_those(tmp_path: Path, capsys: Captur
     assert "no place in space in 27 of 70 scans for left, right: angles are from 0.000 to 0.800 s, scans from" in said
 
 
+def test_a_gap_between_angles_is_named(tmp_path: Path, capsys: Capture) -> None:
+    rows = "".join(f"{t_s:.2f},0.0\n" for t_s in [*np.arange(0.0, 0.9, 0.1), 8.0])
+    code, said, placed = _estimated(tmp_path, capsys, "--joints", _csv(tmp_path, f"t_s,slide\n{rows}"))
+    assert (code, placed > 0) == (0, True)
+    assert "angles are from 0.000 to 8.000 s with gaps of up to 7.2 s (0.5 s at most are interpolated), scans" in said
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("t_s,slide\n500,0\n501,0\n", "in any of 70 scans: angles are from 500.000 to 501.000 s, scans from 0.000 to"),
+        ("t_s,slide\n500,0\n501,0\n", "in any of 70 scans: angles are from 500.000 to 501.000 s with gaps of"),
+        ("t_s,slide\n500,0\n500.5,0\n", "in any of 70 scans: angles are from 500.000 to 500.500 s, scans from 0.000"),
         ("t_s,slide\n0,\n1,\n", "no row has a time and an angle"),
     ],
 )

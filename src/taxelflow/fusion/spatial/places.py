@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.fusion.spatial.window_rows import along_planes
+from taxelflow.messages import Joints
 from taxelflow.sensors.hand import JointsInvalid
 from taxelflow.sensors.joint_ranges import notes_beyond_ranges
 from taxelflow.sensors.kinematics import PadKinematics
 from taxelflow.sensors.surface import PadSurface
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Floats, Joints
+    from taxelflow.messages import Floats
     from taxelflow.sensors.layout import Layout
     from taxelflow.sensors.sensor import Sensor
 
@@ -114,11 +115,15 @@ class Places:
         return "; ".join(parts)
 
     def _times_that_lack(self, own: Floats, *, explained: bool) -> list[str]:
-        """From when to when all given angles are known; nothing if they are in all scans, and the lack is explained."""
+        """From when to when all given angles are known, and the longest gap that is not bridged; nothing if they are in
+        all scans, and the lack is explained.
+        """
         first_s, last_s = self._span_s
-        if explained and len(own) and own[0] <= first_s and last_s <= own[-1]:
+        gap_s, most_s = float(np.diff(own).max(initial=0.0)), Joints.bridged_s()
+        gap = f" with gaps of up to {gap_s:.3g} s ({most_s:g} s at most are interpolated)" if gap_s > most_s else ""
+        if explained and not gap and len(own) and own[0] <= first_s and last_s <= own[-1]:
             return []
-        seen = f"angles are from {own[0]:.3f} to {own[-1]:.3f} s" if len(own) else "never are all angles known"
+        seen = f"angles are from {own[0]:.3f} to {own[-1]:.3f} s{gap}" if len(own) else "never are all angles known"
         return [f"{seen}, scans from {first_s:.3f} to {last_s:.3f} s"]
 
 
