@@ -125,6 +125,7 @@ def test_contacts_are_asked_for_on_every_pad_or_by_name() -> None:
         ("pad0=0", r"contacts must be a whole number from 1 to 8 \(got 0\)"),
         ({"pad0": 2.5}, r"contacts must be a whole number from 1 to 8 \(got 2\.5\)"),
         (True, r"contacts must be a whole number from 1 to 8 \(got True\)"),
+        ("palm=2,palm=3", r"contacts must name each pad once \(got 'palm=2,palm=3'\)"),
         ("-1", r"contacts must be a number such as 2, or a number per pad as in palm=2,thumb=3 \(got '-1'\)"),
         ("pad0", r"contacts must be a number such as 2.*\(got 'pad0'\)"),
         ("pad0=2,", r"contacts must be a number such as 2.*\(got 'pad0=2,'\)"),

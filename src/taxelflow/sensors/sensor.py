@@ -164,7 +164,10 @@ def _counts(asked: str) -> dict[str, int]:
     parts = [part.rpartition("=") for part in asked.split(",")]
     if not all(name and count.strip().isdecimal() for name, _, count in parts):
         raise ParameterInvalid("contacts", asked, "be a number such as 2, or a number per pad as in palm=2,thumb=3")
-    return {name.strip(): int(count) for name, _, count in parts}
+    names = [name.strip() for name, _, _ in parts]
+    if len(set(names)) < len(names):
+        raise ParameterInvalid("contacts", asked, "name each pad once")
+    return {name: int(count) for name, (_, _, count) in zip(names, parts, strict=True)}
 
 
 def read_sensor(path: Path) -> Sensor:
