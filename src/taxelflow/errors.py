@@ -300,10 +300,13 @@ class ParameterInvalid(TaxelflowError):
         self.name = name
 
     def on_command_line(self, words: Iterable[str]) -> str:
-        """The message, with the parameter named by its option where that is among the words of a command."""
+        """The message, with the parameter named by its option, with or without the unit of times, where that is among
+        the words of a command.
+        """
+        names = f".{self.name}", f".{self.name.removesuffix('_s')}"
         for word in words:
             option = word.partition("=")[0]
-            if option.startswith("--") and f".{option[2:].replace('-', '_')}".endswith(f".{self.name}"):
+            if option.startswith("--") and f".{option[2:].replace('-', '_')}".endswith(names):
                 return f"{option}{str(self).removeprefix(self.name)}"
         return str(self)
 

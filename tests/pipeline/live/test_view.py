@@ -138,6 +138,7 @@ def test_without_viser_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> No
         (("--sensor", "none.toml"), "there is no such file"),
         (("--method", "foo"), "unknown method 'foo'; known are lnorm, convolution, template,"),
         (("--from-s", "3"), "--from-s must be left out without --film (got 3.0)"),
+        (("--from", "3"), "--from must be left out without --film (got 3.0)"),
         (("--speed", "0.5"), "--speed must be left out without --film (got 0.5)"),
         (("--film", "scene.avi"), "--film must end in .gif or .mp4 (got 'scene.avi')"),
         (("--method", "sum", "--method", "tempalte"), "unknown method 'tempalte'; did you mean 'template'?"),
