@@ -173,6 +173,12 @@ def test_the_command_writes_what_estimate_takes(tmp_path: Path, capsys: pytest.C
     assert sorted(path.name for path in tmp_path.iterdir()) == ["cal.toml", "out", "stroke.npz", "truth.csv"]
 
 
+def test_a_truth_of_the_whole_hand_serves_all_pads() -> None:
+    recording = simulate("turn-over-hand")
+    with pytest.raises(GainsUnknown, match=r"^gains cannot be estimated: finger1_tip: the object's path spans only "):
+        calibrate(recording)
+
+
 @dataclass(frozen=True)
 class Mine:
     """An estimator of another package: Method II, held back until the end."""

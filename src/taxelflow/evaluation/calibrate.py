@@ -72,7 +72,8 @@ def calibrate(
         if recording.truth is None:
             raise GainsUnknown(f"{recording.source} holds no truth", "name the robot's trajectory with --truth FILE")
         truth = Trajectory(recording.truth.t_s, recording.truth.pose[:, :2])
-        pad = pad or recording.truth.pad
+        if pad is None and recording.truth.pad in names:  # else the truth is of the whole hand
+            pad = recording.truth.pad
     scans, slips = _estimated(recording, estimator)
     found, failed = [], []
     for number, name in enumerate(names):
