@@ -173,6 +173,14 @@ def test_the_command_writes_what_estimate_takes(tmp_path: Path, capsys: pytest.C
     assert sorted(path.name for path in tmp_path.iterdir()) == ["cal.toml", "out", "stroke.npz", "truth.csv"]
 
 
+def test_a_topic_of_no_trajectory_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recording, cal = tmp_path / "stroke.npz", tmp_path / "cal.toml"
+    save(SCENARIOS["stroke"], recording)
+    assert main(["calibrate", str(recording), "--out", str(cal), "--truth-topic", "/pose"]) == 2
+    assert "--truth-topic must be left out without --truth (got '/pose')" in capsys.readouterr().err
+    assert not cal.exists()
+
+
 def test_a_truth_of_the_whole_hand_serves_all_pads() -> None:
     recording = simulate("turn-over-hand")
     with pytest.raises(GainsUnknown, match=r"^gains cannot be estimated: finger1_tip: the object's path spans only "):

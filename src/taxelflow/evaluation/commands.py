@@ -67,6 +67,8 @@ class Calibrate(Recorded):
 
         if self.out.suffix != ".toml":
             raise ParameterInvalid("out", str(self.out), "end in .toml")
+        if self.truth is None and self.truth_topic is not None:
+            raise ParameterInvalid("truth_topic", self.truth_topic, "be left out without --truth")
         recording = api.opened(self)
         truth = None if self.truth is None else read_trajectory(self.truth, self.truth_topic)
         found = calibrate(
