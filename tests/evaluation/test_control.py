@@ -149,6 +149,11 @@ def test_the_table_compares_controllers_on_the_same_trials(tmp_path: Path, capsy
         ("--controller slide --events pour", "events must be none for slide (got 'pour')"),
         ("--controller hold --against constant --json", "against must be left out with --json"),
         ("--controller hold --film grip.mp4 --json", "film must be left out with --json (got 'grip.mp4')"),
+        ("--controller hold --plot pictures --csv a.csv", "plot must be left out with --csv (got 'pictures')"),
+        ("--controller hold --plot pictures --against constant", "plot must be left out with --against"),
+        ("--controller hold --film grip.mp4 --sweep actuator", "film must be left out with --sweep (got 'grip.mp4')"),
+        ("--controller hold --lerobot made --plot pictures", "lerobot must be left out with --plot (got 'made')"),
+        ("--controller hold --tune 2 --sweep actuator", "tune must be left out with --sweep (got 2)"),
         ("--controller hold --against slide", "against must not be used with slide or pivot (got 'slide')"),
         ("--controller slide --hand barrett", "hand must be gripper for slide, pivot (got 'barrett with slide')"),
         (

@@ -95,9 +95,7 @@ class Control(Output):
         self._check_hand()
         if self.json and self.against:
             raise ParameterInvalid("against", " ".join(self.against), "be left out with --json, one controller each")
-        for name in ("film", "plot", "lerobot"):
-            if self.json and getattr(self, name) is not None:
-                raise ParameterInvalid(name, str(getattr(self, name)), "be left out with --json")
+        self._check_files()
         if self.against and {self.controller, *self.against} & set(_MOTIONS):
             raise ParameterInvalid("against", " ".join(self.against), f"not be used with {' or '.join(_MOTIONS)}")
         names = (self.controller, *self.against)
@@ -122,6 +120,17 @@ class Control(Output):
         moves = {self.controller, *self.against} & set(_MOTIONS)
         if self.hand != "gripper" and moves:
             raise ParameterInvalid("hand", f"{self.hand} with {' '.join(sorted(moves))}", "be gripper for slide, pivot")
+
+    def _check_files(self) -> None:
+        """What is written instead of tables, and instead of each other. Raises ParameterInvalid."""
+        tables = ("json", "csv", "against", "sweep", "tune")
+        for name, others in (("film", tables), ("plot", tables), ("lerobot", (*tables, "film", "plot"))):
+            given = getattr(self, name)
+            for other in others:
+                if given is not None and getattr(self, other):
+                    raise ParameterInvalid(name, str(given), f"be left out with --{other}")
+        if self.sweep and self.tune:
+            raise ParameterInvalid("tune", self.tune, "be left out with --sweep")
 
     def _hold(self, names: tuple[str, ...]) -> int:
         """Let controllers hold objects."""
