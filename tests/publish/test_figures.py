@@ -89,10 +89,16 @@ def test_pictures_are_drawn_of_arrays_alone_in_a_fixed_order(tmp_path: Path) -> 
     assert sum(word.endswith(" mm/s") for word in words) == 2  # one stroke, by two methods
 
 
+def test_a_result_keeps_its_number_on_a_pad_that_the_other_did_not_see(tmp_path: Path) -> None:
+    results = [replace(result("lnorm"), tracks=[]), result("lnorm")]
+    made = draw_results(Pictures([PadTracks("palm", results[1].tracks, None)], results, None), tmp_path, "svg")
+    assert {"lnorm, 2", "L norm (Method I), 2"} <= set(svg_words(made[0]))
+
+
 @pytest.mark.long
 def test_without_truth_patterns_and_views_only_positions_and_paths_are_drawn(tmp_path: Path) -> None:
-    pads = [PadTracks("palm", result("lnorm").tracks, None)]
-    made = draw_results(Pictures(pads, [result("lnorm")], None), tmp_path, "svg")
+    alone = result("lnorm")
+    made = draw_results(Pictures([PadTracks("palm", alone.tracks, None)], [alone], None), tmp_path, "svg")
     assert [path.stem for path in made] == ["position-palm", "path-lnorm"]
     assert "truth" not in svg_words(made[0])
 

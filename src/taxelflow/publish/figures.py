@@ -16,7 +16,7 @@ from taxelflow.publish.plots.pattern import Contact, pattern_figure
 from taxelflow.publish.plots.patterns import patterns_figure
 from taxelflow.publish.plots.position import position_figure
 from taxelflow.publish.plots.sensor import sensor_figure
-from taxelflow.publish.plots.style import save, styled
+from taxelflow.publish.plots.style import looks, save, styled
 from taxelflow.publish.plots.views import views_figure
 
 if TYPE_CHECKING:
@@ -116,10 +116,13 @@ def remove_older(directory: Path, made: Sequence[Path], pads: Iterable[str], met
 
 def _figures(pictures: Pictures) -> Iterator[tuple[str, Figure]]:
     """Name and figure of each picture, one after the other."""
+    own = looks([result.method for result in pictures.results])
+    style_of = {track: style for result, style in zip(pictures.results, own, strict=True) for track in result.tracks}
     for pad in pictures.pads:
         shown = None if pad.truth is None else (pad.truth[0], pad.truth[1][:, :2])
         strokes = () if pad.truth is None else strokes_of(*pad.truth)
-        yield f"position-{pad.pad}", position_figure(pad.tracks, shown, strokes, pad.events)
+        styles = [style_of[track] for track in pad.tracks]
+        yield f"position-{pad.pad}", position_figure(pad.tracks, shown, strokes, pad.events, styles)
     for result in pictures.results:
         for contact in result.contacts:
             yield f"pattern-{contact.pattern.pad}", pattern_figure(result.layout, contact, result.start_s)

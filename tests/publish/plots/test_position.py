@@ -81,6 +81,16 @@ def test_methods_and_truth_overlay_each_with_its_look() -> None:
         assert line.get_marker() == LOOK[method]["marker"]
 
 
+def test_results_that_would_look_alike_differ_in_colour_and_by_a_number() -> None:
+    methods = ("template", "registration", "lnorm", "lnorm")
+    figure = position_figure([track(THERE, STILL, method=method) for method in methods])
+    assert legend(figure) == ["template", "registration", "L norm (Method I)", "L norm (Method I), 2"]
+    assert [name.get_text() for name in figure.axes[3].get_yticklabels()] == [*methods[:3], "lnorm, 2"]
+    lines = figure.axes[0].lines[:4]
+    assert len({str(line.get_color()) for line in lines}) == len({line.get_marker() for line in lines}) == 4
+    assert same_color(lines[2].get_color(), LOOK["lnorm"]["color"])
+
+
 def test_a_method_from_elsewhere_goes_by_its_name() -> None:
     assert legend(position_figure([track(THERE, STILL, method="mine")])) == ["mine"]
 

@@ -8,10 +8,11 @@ import numpy as np
 
 from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.sizes import POSITION
-from taxelflow.publish.plots.style import INK, MAGENTA, look
+from taxelflow.publish.plots.style import INK, MAGENTA, in_short
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from typing import Any
 
     from matplotlib.axes import Axes
 
@@ -27,14 +28,20 @@ _MARKS = {
 """Marker, colour and size of each event; the end of a slip is that of its bar."""
 
 
-def draw_lanes(axis: Axes, tracks: Sequence[Track], events: Sequence[Sequence[Event]], start_s: float) -> set[str]:
+def draw_lanes(
+    axis: Axes,
+    tracks: Sequence[Track],
+    styles: Sequence[dict[str, Any]],
+    events: Sequence[Sequence[Event]],
+    start_s: float,
+) -> set[str]:
     """Light bar: contact, to its release. Solid bar: slip, since the scan before. Marks: events, slips at their onset.
 
     Returns the kinds of events that are marked.
     """
     marked = set()
-    for lane, track in enumerate(tracks):
-        t_s, colour = track.numbers["t_s"] - start_s, look(track.method)["color"]
+    for lane, (track, style) in enumerate(zip(tracks, styles, strict=True)):
+        t_s, colour = track.numbers["t_s"] - start_s, style["color"]
         touching = [(t_s[a], t_s[min(b, len(t_s) - 1)]) for a, b in spans(track.flags["contact"])]
         slipping = [(t_s[max(a - 1, 0)], t_s[b - 1]) for a, b in spans(track.flags["slipping"])]
         for ends, height, alpha in ((touching, 0.30, 0.25), (slipping, 0.62, 0.95)):
@@ -47,7 +54,8 @@ def draw_lanes(axis: Axes, tracks: Sequence[Track], events: Sequence[Sequence[Ev
                 when = event.t_s if np.isnan(event.onset_s) else event.onset_s
                 axis.plot([when - start_s], [lane], marker=marker, markersize=size, color=edge, markeredgewidth=0.7)
                 marked.add(event.event)
-    axis.set_yticks(range(len(tracks)), [track.method for track in tracks], fontsize=7)
+    names = [in_short(track.method, style) for track, style in zip(tracks, styles, strict=True)]
+    axis.set_yticks(range(len(tracks)), names, fontsize=7)
     axis.set_ylim(len(tracks) - 0.45, -0.55)
     axis.grid(visible=False)
     axis.spines["left"].set_visible(False)

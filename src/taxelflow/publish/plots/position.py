@@ -13,10 +13,11 @@ from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.lanes import draw_lanes
 from taxelflow.publish.plots.sizes import POSITION
-from taxelflow.publish.plots.style import GREY, INK, SLIP, look
+from taxelflow.publish.plots.style import GREY, INK, SLIP, looks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from typing import Any
 
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -35,14 +36,17 @@ def position_figure(
     truth: tuple[Floats, Floats] | None = None,
     strokes: Sequence[tuple[float, float]] = (),
     events: Sequence[Sequence[Event]] = (),
+    styles: Sequence[dict[str, Any]] = (),
 ) -> Figure:
     """Tracks of one pad by several methods: position along both axes, load, and a lane of contact and slip per method.
 
     truth: times (n,) and positions (n, 2), on the tracks' clock. strokes: (from, to) in s on the same clock; through
     each a regression line is drawn per method, along the axis of most motion, with its slope if they are few. events:
-    those of the pad, by track.
+    those of the pad, by track. styles: of the tracks, where they are not all results that are drawn together.
     """
     import matplotlib.pyplot as plt
+
+    styles = styles or looks([track.method for track in tracks])
 
     start_s = min(float(track.numbers["t_s"][0]) for track in tracks)
     lanes = 0.35 + 0.22 * len(tracks)
@@ -54,14 +58,13 @@ def position_figure(
     for axis, component in zip(axes, (main, 1 - main), strict=False):
         if truth is not None:
             _draw_truth(axis, truth[0] - start_s, 1e3 * truth[1][:, component], tracks, start_s)
-        for track in tracks:
-            style = look(track.method)
+        for track, style in zip(tracks, styles, strict=True):
             t_s, at_mm = track.t_s - start_s, 1e3 * track.position_m[:, component]
             size = 2.0 if np.isfinite(at_mm).sum() > POSITION.small_above else 4.0
             axis.plot(t_s, at_mm, linestyle="none", markersize=size, markeredgewidth=0, alpha=0.85, **style)
         axis.set_ylabel(f"{'xy'[component]} in mm")
-    for track in tracks:
-        _draw_lines(axes[0], track, main, start_s, strokes)
+    for track, style in zip(tracks, styles, strict=True):
+        _draw_lines(axes[0], track, style, main, start_s, strokes)
     _shade_slips(axes[:3], tracks, start_s)
     axes[0].set_title(f"Object on {tracks[0].pad}")
     axes[0].legend(loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=4, columnspacing=1.2, handlelength=1.4)
@@ -72,9 +75,9 @@ def position_figure(
     grow = max(0.0, least - (high - low)) / 2
     axes[1].set_ylim(low - grow, high + grow)
     for axis, component in zip(axes, (main, 1 - main), strict=False):
-        _draw_std(axis, tracks, component, start_s)
+        _draw_std(axis, tracks, styles, component, start_s)
     _draw_load(axes[2], tracks[0], start_s)
-    marked = draw_lanes(axes[3], tracks, events, start_s)
+    marked = draw_lanes(axes[3], tracks, styles, events, start_s)
     seen = ["bands: ± 1 standard deviation", "shaded: slip", *(words for kind, words in _MARKED if kind in marked)]
     axes[0].set_title("; ".join(seen), loc="right", fontsize=7, fontweight="normal")
     figure.align_ylabels(axes[:3])
@@ -110,17 +113,19 @@ def _shade_slips(axes: Sequence[Axes], tracks: Sequence[Track], start_s: float) 
                 axis.axvspan(t_s[max(first - 1, 0)], t_s[stop - 1], color=SLIP, linewidth=0, zorder=0)
 
 
-def _draw_std(axis: Axes, tracks: Sequence[Track], component: int, start_s: float) -> None:
+def _draw_std(
+    axis: Axes, tracks: Sequence[Track], styles: Sequence[dict[str, Any]], component: int, start_s: float
+) -> None:
     """Bands of one standard deviation, which do not change the axis: where a direction is unknown they are wide."""
     limits = axis.get_ylim()
-    for track in tracks:
+    for track, style in zip(tracks, styles, strict=True):
         if f"std_{'xy'[component]}_m" in track.numbers:
             at_mm, std_mm = (1e3 * track.numbers[name.format("xy"[component])] for name in ("{}_m", "std_{}_m"))
             axis.fill_between(
                 track.t_s - start_s,
                 at_mm - std_mm,
                 at_mm + std_mm,
-                color=look(track.method)["color"],
+                color=style["color"],
                 alpha=0.22,
                 linewidth=0,
                 zorder=1,
@@ -138,9 +143,13 @@ def _draw_load(axis: Axes, track: Track, start_s: float) -> None:
 
 
 def _draw_lines(
-    axis: Axes, track: Track, component: int, start_s: float, strokes: Sequence[tuple[float, float]]
+    axis: Axes,
+    track: Track,
+    style: dict[str, Any],
+    component: int,
+    start_s: float,
+    strokes: Sequence[tuple[float, float]],
 ) -> None:
-    style = look(track.method)
     for first, last in strokes:
         t_s, at_mm = track.t_s, 1e3 * track.position_m[:, component]
         used = np.isfinite(at_mm) & (t_s >= first) & (t_s <= last)

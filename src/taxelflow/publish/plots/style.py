@@ -34,10 +34,35 @@ LOOK = {
 }
 """As in the paper's Fig. 9: the L norm as blue dots, the optical flow as red triangles."""
 
+_OTHERS = ((BLUE, "o"), (GREEN, "s"), (MAGENTA, "D"), ("#8a6d00", "v"), ("#56b4e9", "P"), (VERMILION, "^"), (GREY, "X"))
+"""Colours and markers of results whose own are taken."""
+
 
 def look(method: str) -> dict[str, Any]:
     """Label, colour and marker of a method."""
     return LOOK.get(method, {"label": method, "color": GREEN, "marker": "s"})
+
+
+def looks(methods: Sequence[str]) -> list[dict[str, Any]]:
+    """Label, colour and marker of results drawn together, by their methods: that of the method, and another where an
+    earlier result has its colour; of results by one method the second and later are numbered.
+    """
+    found: list[dict[str, Any]] = []
+    kept = [look(method)["color"] for method in methods]
+    for number, method in enumerate(methods):
+        style, used = dict(look(method)), [one["color"] for one in found]
+        if style["color"] in used:
+            others = [(color, marker) for color, marker in _OTHERS if color not in (*kept, *used)]
+            style["color"], style["marker"] = (others or _OTHERS)[0]
+        if earlier := list(methods[:number]).count(method):
+            style["label"] = f"{style['label']}, {earlier + 1}"
+        found.append(style)
+    return found
+
+
+def in_short(method: str, style: dict[str, Any]) -> str:
+    """The name of a method, numbered as its label is."""
+    return f"{method}{style['label'].removeprefix(look(method)['label'])}"
 
 
 @contextmanager
