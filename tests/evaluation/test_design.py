@@ -10,7 +10,7 @@ from rigged import refused, svg_words
 from taxelflow.cli import main
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.design import Design, Skin, lattice
-from taxelflow.evaluation.design_plot import draw_design
+from taxelflow.evaluation.design_plot import _draw, draw_design
 
 
 @pytest.mark.parametrize("layout", ["square", "hexagonal", "triangular"])
@@ -56,6 +56,19 @@ def test_the_picture_of_a_round_object_has_no_turn(tmp_path: Path) -> None:
     drawn = draw_design(rows, tmp_path / "d.svg").read_text()
     assert "Error of the translation" in drawn
     assert "Error of the turn" not in drawn
+
+
+def test_only_points_of_several_layouts_lie_beside_their_ratio() -> None:
+    plt = pytest.importorskip("matplotlib.pyplot")
+    swept = Design(pitch_mm=(8.0,), layouts=("square", "hexagonal"), shapes=("round",), trials=1).run().rows
+    for layouts, beside in ((("square",), 0.0), (("hexagonal",), 0.0), (("square", "hexagonal"), 0.0075)):
+        figure, axis = plt.subplots()
+        rows = [row for row in swept if row.layout in layouts]
+        _draw(axis, rows, "bound_mm", "error_mm")
+        points = [line.get_xdata()[0] for line in axis.lines if line.get_label() in layouts]
+        expected = [row.ratio * (1.0 + sign * beside) for row, sign in zip(rows, (-1, 1), strict=False)]
+        assert points == pytest.approx(expected)
+        plt.close(figure)
 
 
 def test_the_picture_names_what_it_leaves_out(tmp_path: Path) -> None:

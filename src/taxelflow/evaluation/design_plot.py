@@ -65,15 +65,16 @@ def _kind(row: DesignRow) -> tuple[str, float, float, float]:
 
 
 def _draw(axis: Any, rows: Sequence[DesignRow], bound: str, error: str) -> None:
-    for number, (layout, colour, mark) in enumerate(_MARKS):
+    shown = [one for one in _MARKS if any(row.layout == one[0] for row in rows)]
+    for number, (layout, colour, mark) in enumerate(shown):
         own = sorted((row for row in rows if row.layout == layout), key=lambda row: row.ratio)
         ratio = [row.ratio for row in own]
-        beside = [(1.0 + 0.015 * (number - 1)) * row.ratio for row in own]  # points of two layouts are seen apart
-        if own:
-            alone = "_" if len(own) == 1 else None  # a line of one point would not be drawn
-            bounds = [getattr(row, bound) for row in own]
-            axis.plot(ratio, bounds, color=colour, linewidth=1.2, marker=alone, markersize=14)
-            axis.plot(beside, [getattr(row, error) for row in own], mark, color=colour, markersize=5, label=layout)
+        aside = 0.015 * (number - 0.5 * (len(shown) - 1))  # points of two layouts are seen apart
+        beside = [(1.0 + aside) * one for one in ratio]
+        alone = "_" if len(own) == 1 else None  # a line of one point would not be drawn
+        bounds = [getattr(row, bound) for row in own]
+        axis.plot(ratio, bounds, color=colour, linewidth=1.2, marker=alone, markersize=14)
+        axis.plot(beside, [getattr(row, error) for row in own], mark, color=colour, markersize=5, label=layout)
     axis.set_xscale("log")
     axis.set_yscale("log")
     swept = sorted({row.ratio for row in rows})

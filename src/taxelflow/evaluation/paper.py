@@ -158,12 +158,16 @@ def _table1(strokes: int, watched: Watch) -> Figure:
     return table_figure(headings, rows, caption)
 
 
+def _of(seeds: int) -> str:
+    return "1 seed" if seeds == 1 else f"{seeds} seeds"
+
+
 def _curve(seeds: int, watched: Watch) -> Figure:
     curves: dict[str, list[tuple[int, float]]] = {}
     for row in Field(seeds).run(watched).rows:
         curves.setdefault(row.scenario, []).append((row.vectors, row.turn_percent))
     caption = (
-        f"Error of the rate of turn by number of slip vectors, {seeds} seeds a scenario (taxelflow score field). Four "
+        f"Error of the rate of turn by number of slip vectors, {_of(seeds)} a scenario (taxelflow score field). Four "
         "are better than two; more do not help here, because what is left is the centroid's bias and not noise."
     )
     return curve_figure(curves, "RMSE of the rate of turn in %", caption)
@@ -182,7 +186,7 @@ def _limits(seeds: int, watched: Watch) -> Figure:
     palm = load_sensor(_HAND).layout
     edge_mm = 1e3 * float(np.max(palm.x_m[palm.of_pad(palm.pads.index("palm"))]) + palm.pitch_m[-1, 0] / 2)
     caption = (
-        f"Error of an airbag's position along its stroke over the palm, by where it is, {seeds} seeds (taxelflow score "
+        f"Error of an airbag's position along its stroke over the palm, by where it is, {_of(seeds)} (taxelflow score "
         "limits), against the Cramér-Rao bound; dotted: the palm's edge. Centroids are biased as soon as the edge cuts "
         "the contact. The template is at the bound; far out it is below, for it knows that the gain hardly changes."
     )
