@@ -1,5 +1,5 @@
-"""What the command line says about an exception: one line on standard error, and the exit code. And what becomes of
-results that nobody reads to their end.
+"""What the command line reports of an exception, one line on standard error and the exit code; and output whose reader
+leaves before its end.
 """
 
 from __future__ import annotations

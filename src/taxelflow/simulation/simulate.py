@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,6 @@ import numpy as np
 
 from taxelflow.acquire.base import HAND, Recording, Truth
 from taxelflow.acquire.blocks import cut_up
-from taxelflow.acquire.limits import FREE_BYTES
 from taxelflow.acquire.npz import write_npz
 from taxelflow.errors import NameUnknown, ParameterInvalid
 from taxelflow.messages import RawScans
@@ -118,13 +118,22 @@ def pressures(
     return pressure
 
 
-def _check_size(scenario: Scenario, layout: Layout) -> None:
-    """Raises ParameterInvalid for a recording that is larger than any file may unpack to."""
-    most_hz = FREE_BYTES / (layout.taxels * np.dtype(np.float64).itemsize) / scenario.motion.duration_s
+def _check_size(scenario: Scenario, layout: Layout, copies: int = 5) -> None:
+    """Raises ParameterInvalid for a recording whose copies at work do not fit into the machine's memory."""
+    most_bytes = _memory_bytes() / copies
+    most_hz = most_bytes / (layout.taxels * np.dtype(np.float64).itemsize) / scenario.motion.duration_s
     if scenario.sensing.rate_hz > most_hz:
         lasts = f"{layout.taxels} taxels over {scenario.motion.duration_s:.3g} s"
-        duty = f"be at most {most_hz:.3g} Hz, or the motion shorter: {lasts} are more than {FREE_BYTES / 1e9:.1f} GB"
-        raise ParameterInvalid("sensing.rate_hz", scenario.sensing.rate_hz, duty)
+        duty = f"be at most {most_hz:.3g} Hz, or the motion shorter: {lasts} are more than {most_bytes / 1e9:.1f} GB"
+        raise ParameterInvalid("sensing.rate_hz", scenario.sensing.rate_hz, f"{duty}, a fifth of this machine's memory")
+
+
+def _memory_bytes() -> float:
+    """Of the machine; infinite where the system does not report it."""
+    try:
+        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    except (AttributeError, OSError, ValueError):
+        return float("inf")
 
 
 def _distinct(pose: Floats, state: State) -> tuple[Bools, NDArray[np.int64]]:
