@@ -135,7 +135,7 @@ def _learn(known: LocalMap) -> LocalMap:
         origin=origin,
         hidden=known.hidden if looked == known.looked else best.hidden,
         decided=known.decided or looked != known.looked,
-        tested=known.tested if looked == known.looked or _still_hidden(known) is not None else looked,
+        tested=known.tested if looked == known.looked or _still_known(known) is not None else looked,
         anchor=_anchor(known, gains, replace(best, states=states)),
         looked=looked,
     )
@@ -202,7 +202,7 @@ def _best(known: LocalMap) -> tuple[Solved, int]:
             return present, known.looked
     scanned = replace(keyframes.scanned, variance=keyframes.scanned.variance.copy())
     dead = np.flatnonzero(np.isinf(known.gains)).tolist()
-    states, hidden = None if known.grows else keyframes.states, _still_hidden(known)
+    states, hidden = None if known.grows else keyframes.states, _still_known(known)
     best = solve_contact(scanned, suspects=dead, known=states, hidden=hidden)
     return _with_former_gains(known, scanned, best), taken
 
@@ -217,12 +217,14 @@ def _soonest(looked: int) -> float:
     return looked + max(ODOMETRY.memory, 0.5 * (KEYFRAMES.more - 1.0) * beyond)
 
 
-def _still_hidden(known: LocalMap) -> Hidden | None:
-    """The direction in which no reading shows a motion, until more keyframes may. None where it is to be tested.
+def _still_known(known: LocalMap) -> Hidden | None:
+    """The direction in which no reading shows a motion, if any. None where it is to be tested.
 
-    The test takes long, and strange keyframes call for it again and again.
+    The test takes long, and strange keyframes call for it again and again. A hidden motion is tested when half as many
+    keyframes more may show it, a map that shows all at every second comparison: more show no less of it.
     """
-    return known.hidden if known.hidden and known.taken < KEYFRAMES.more * known.tested else None
+    more = KEYFRAMES.more if known.hidden else KEYFRAMES.more**2
+    return known.hidden if known.taken < more * known.tested else None
 
 
 def _with_former_gains(known: LocalMap, scanned: Scanned, best: Solved) -> Solved:
