@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from time import process_time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
@@ -16,11 +16,20 @@ if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
     from taxelflow.evaluation.bench_effort import Effort
 
-_PITCH_MM = 2.0
-_RATE_HZ = 50.0
-_REST_S = 0.1
-_UNSEEN = (0.0, 0.05)
-"""Unseen errors of the sensor: of the rig, and what sensor files have that declare none."""
+
+class _Case(NamedTuple):
+    """What all contacts have in common."""
+
+    pitch_mm: float = 2.0
+    pitches: float = 5.0
+    """Length of the slide."""
+    rate_hz: float = 50.0
+    rest_s: float = 0.1
+    unseen: tuple[float, float] = (0.0, 0.05)
+    """Unseen errors of the sensor: of the rig, and what sensor files have that declare none."""
+
+
+_CASE = _Case()
 
 
 class LargePad(msgspec.Struct, frozen=True):
@@ -38,7 +47,7 @@ def large_pads(rows: int, cols: int, scans: int, effort: Effort) -> list[LargePa
     """Batches of one contact that covers a pad of rows x cols, by unseen error; the fastest of several each."""
     recording = simulate(_covering(rows, cols, scans))
     found = []
-    for unseen in _UNSEEN:
+    for unseen in _CASE.unseen:
         sensor = msgspec.structs.replace(recording.sensor, unseen_error=unseen)
         own = replace(recording, sensor=sensor)
         cpu_s = min(_seconds(own) for _ in range(effort.large_rounds))
@@ -47,11 +56,11 @@ def large_pads(rows: int, cols: int, scans: int, effort: Effort) -> list[LargePa
 
 
 def _covering(rows: int, cols: int, scans: int) -> Scenario:
-    """A textured object that covers the pad and slides by 5 pitches."""
-    pitch_m, moving_s = 1e-3 * _PITCH_MM, (scans + 0.5) / _RATE_HZ - 2.0 * _REST_S
-    travel_m = 5.0 * pitch_m
+    """A textured object that covers the pad and slides."""
+    pitch_m, moving_s = 1e-3 * _CASE.pitch_mm, (scans + 0.5) / _CASE.rate_hz - 2.0 * _CASE.rest_s
+    travel_m = _CASE.pitches * pitch_m
     return Scenario(
-        sensor=f"grid:{rows}x{cols}@{_PITCH_MM:g}mm,kPa",
+        sensor=f"grid:{rows}x{cols}@{_CASE.pitch_mm:g}mm,kPa",
         pad="grid",
         contact=Contact("textured", radius_m=max(rows, cols) * pitch_m),
         motion=Motion(
@@ -60,10 +69,10 @@ def _covering(rows: int, cols: int, scans: int) -> Scenario:
             travel_m=travel_m,
             strokes=1,
             middle_m=(0.0, 0.0),
-            rest_s=_REST_S,
+            rest_s=_CASE.rest_s,
         ),
-        load=Load(lift_s=_REST_S),
-        sensing=Sensing(rate_hz=_RATE_HZ),
+        load=Load(lift_s=_CASE.rest_s),
+        sensing=Sensing(rate_hz=_CASE.rate_hz),
     )
 
 
