@@ -112,7 +112,7 @@ def test_columns_mean_nothing_for_a_bag(tmp_path: Path, sensor: Path, capsys: Ca
     ],
     ids=" ".join,
 )
-def test_what_was_lost_is_told_though_nobody_reads_the_rest(
+def test_what_was_lost_is_reported_though_the_reader_has_left(
     tmp_path: Path, sensor: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
 ) -> None:
     monkeypatch.chdir(tmp_path)

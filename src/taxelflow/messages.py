@@ -457,6 +457,10 @@ class Event:
     std_turn_rad: float = nan
     std_duration_s: float = nan
 
+    def withdraws(self, stop_s: float) -> bool:
+        """Whether this `slip_start` withdraws the stop at a time, s: it began before, so the same slip goes on."""
+        return self.onset_s < stop_s
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Output:

@@ -65,7 +65,8 @@ def _kind(row: DesignRow) -> tuple[str, float, float, float]:
 
 
 def _draw(axis: Any, rows: Sequence[DesignRow], bound: str, error: str) -> None:
-    shown = [one for one in _MARKS if any(row.layout == one[0] for row in rows)]
+    swept_layouts = {row.layout for row in rows}
+    shown = [(layout, colour, mark) for layout, colour, mark in _MARKS if layout in swept_layouts]
     for number, (layout, colour, mark) in enumerate(shown):
         own = sorted((row for row in rows if row.layout == layout), key=lambda row: row.ratio)
         ratio = [row.ratio for row in own]

@@ -158,7 +158,8 @@ def _table1(strokes: int, watched: Watch) -> Figure:
     return table_figure(headings, rows, caption)
 
 
-def _of(seeds: int) -> str:
+def _some(seeds: int) -> str:
+    """The number of seeds, in words of a caption."""
     return "1 seed" if seeds == 1 else f"{seeds} seeds"
 
 
@@ -167,7 +168,7 @@ def _curve(seeds: int, watched: Watch) -> Figure:
     for row in Field(seeds).run(watched).rows:
         curves.setdefault(row.scenario, []).append((row.vectors, row.turn_percent))
     caption = (
-        f"Error of the rate of turn by number of slip vectors, {_of(seeds)} a scenario (taxelflow score field). Four "
+        f"Error of the rate of turn by number of slip vectors, {_some(seeds)} a scenario (taxelflow score field). Four "
         "are better than two; more do not help here, because what is left is the centroid's bias and not noise."
     )
     return curve_figure(curves, "RMSE of the rate of turn in %", caption)
@@ -186,9 +187,10 @@ def _limits(seeds: int, watched: Watch) -> Figure:
     palm = load_sensor(_HAND).layout
     edge_mm = 1e3 * float(np.max(palm.x_m[palm.of_pad(palm.pads.index("palm"))]) + palm.pitch_m[-1, 0] / 2)
     caption = (
-        f"Error of an airbag's position along its stroke over the palm, by where it is, {_of(seeds)} (taxelflow score "
-        "limits), against the Cramér-Rao bound; dotted: the palm's edge. Centroids are biased as soon as the edge cuts "
-        "the contact. The template is at the bound; far out it is below, for it knows that the gain hardly changes."
+        f"Error of an airbag's position along its stroke over the palm, by where it is, {_some(seeds)} (taxelflow "
+        "score limits), against the Cramér-Rao bound; dotted: the palm's edge. Centroids are biased as soon as the "
+        "edge cuts the contact. The template is at the bound; far out it is below, for it knows that the gain hardly "
+        "changes."
     )
     bounds = {"bound, pattern known": known, "bound, pattern unknown": unknown}
     return limits_figure(errors, {name: sorted(own.items()) for name, own in bounds.items() if own}, edge_mm, caption)

@@ -98,7 +98,8 @@ class ContactTotals:
             self._sum(cut(slips, start, stop))
         for event in events:
             if event.event == "slip_start":
-                if not _goes_on(self._latest.get(event.pad), event):
+                latest = self._latest.get(event.pad, event)
+                if not (latest.event == "slip_stop" and event.withdraws(latest.onset_s)):
                     self._end_slip(event.pad)
                 self._latest[event.pad] = event
             elif event.event == "slip_stop" and event.pad in self._latest:
@@ -159,11 +160,6 @@ class ContactTotals:
 def _start_s(event: Event) -> float:
     """Begin of the slip that an event belongs to."""
     return event.onset_s - event.duration_s if event.event == "slip_stop" else event.onset_s
-
-
-def _goes_on(latest: Event | None, start: Event) -> bool:
-    """Whether a slip began before the latest one stopped: that stop was withdrawn."""
-    return latest is not None and latest.event == "slip_stop" and start.onset_s < latest.onset_s
 
 
 def _with_slips(contact: ContactSummary, sums: _SlipSums) -> ContactSummary:

@@ -47,7 +47,7 @@ class SlipEvents:
         self._open: dict[int, _Held] = {}
         """Begins of the slips that go on, by pad."""
         self._end_s: dict[int, float] = {}
-        """Latest stop, by pad. A slip that began before it is the one that it ended: the stop was withdrawn."""
+        """Latest stop, by pad, s."""
         self._loss: Floats | None = None
         self._steps: dict[int, list[Steps]] = {}
         """Of the slips that go on, while there is room for each scan of them."""
@@ -134,7 +134,7 @@ class SlipEvents:
         if held.event.event == "slip_start":
             held.waits = not self._stream
             self._open[pad] = held
-            if held.event.onset_s >= self._end_s.get(pad, -np.inf):
+            if not held.event.withdraws(self._end_s.get(pad, -np.inf)):
                 self._progress[pad] = (0, nan, False)
                 self._steps[pad] = []
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _MARKED = (("slip_start", "▶ its onset"), ("slip_suspected", "◆ suspected"))
 """Kinds of events whose marks are explained, and the words."""
-_BESIDE = {"o": (34, 14), "^": (42, -14)}
+_BESIDE = {"o": (34, 14), "^": (42, -14), "D": (58, -56), "v": (-44, 40), "P": (-38, 64), "X": (100, -34)}
 """Where a line's slope stands, in points from its middle, by the method's marker; no leader crosses another's."""
 
 
