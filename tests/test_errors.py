@@ -18,6 +18,7 @@ FACTS: dict[str, tuple[object, ...]] = {
     "BatchUnlike": (Path("out"), "method was 'lnorm', is 'sum'"),
     "ClusterFault": ("the scheduler was lost", "run the same command again"),
     "OptionsUnknown": ("--speed", "3"),
+    "WordsInvalid": ("missing value for argument '--to'; see taxelflow run --help",),
     "FormatUnknown": (Path("a.xyz"), [".npz", ".csv"]),
     "RecordingCorrupt": (Path("a.npz"), "it is empty", "record it again"),
     "RecordingTruncated": (Path("a.dsa"), 7, 10, "end of file"),

@@ -39,6 +39,7 @@ from taxelflow.pipeline.batch.options import Estimating
 from taxelflow.pipeline.live.command import Record, Run
 from taxelflow.pipeline.live.emulators.command import Emulate
 from taxelflow.runtime import registry
+from taxelflow.runtime.command_line import parsed
 from taxelflow.runtime.complaint import OUTPUT, as_far_as_read, complain
 from taxelflow.runtime.exit_codes import ExitCode
 from taxelflow.runtime.streams import settle_streams
@@ -224,8 +225,8 @@ def _show_method(command: str, method: str) -> None:
     """Print the help of a command, then that of the method, whose own options it also takes."""
     kind = registry.find("estimator", method)
     with suppress(SystemExit):
-        tyro.cli(Command, args=[command, "--help"], prog="taxelflow", description=DESCRIPTION)
-    tyro.cli(kind, args=["--help"], prog=f"taxelflow {command} --method {method}")
+        parsed(Command, [command, "--help"], "taxelflow", description=DESCRIPTION)
+    parsed(kind, ["--help"], f"taxelflow {command} --method {method}")
 
 
 @cache
@@ -252,16 +253,12 @@ def _run(args: list[str]) -> int:
     if args[:1] in (["estimate"], ["batch"]) and {"-h", "--help"} & set(args) and (method := _method(args)):
         _show_method(args[0], method)
     own = args[1:] if args[:1] == ["score"] else []  # a score parses its own words
-    command, rest = tyro.cli(
-        Command,
-        args=args[: len(args) - len(own)],
-        prog="taxelflow",
-        description=DESCRIPTION,
-        return_unknown_args=True,
-    )
+    words = args[: len(args) - len(own)]
+    command, rest = parsed(Command, words, "taxelflow", description=DESCRIPTION, return_unknown_args=True)
     if rest and not isinstance(command, Estimating | Run | Design):
         raise OptionsUnknown(*rest)
-    return command.run([*rest, *own])
+    code: int = command.run([*rest, *own])
+    return code
 
 
 def main(args: list[str] | None = None) -> int:

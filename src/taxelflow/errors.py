@@ -18,6 +18,7 @@ TaxelflowError
 ├── GridNameInvalid           the name of a plain grid is malformed
 ├── NameUnknown               no sensor, estimator, ... of that name
 ├── OptionsUnknown            words that a command has no option for
+├── WordsInvalid              words of the command line that a command cannot take
 ├── ParameterInvalid          a parameter is out of range
 │   └── TipsOver              a simulated object does not stand
 ├── ResultMissing             a directory is not a result, or lacks a file
@@ -290,6 +291,10 @@ class OptionsUnknown(TaxelflowError):
 
     def __init__(self, *words: str) -> None:
         super().__init__(f"unrecognised options: {' '.join(words)}; see --help")
+
+
+class WordsInvalid(TaxelflowError):
+    """Words of the command line do not fit the command: one is missing, or is not of its type."""
 
 
 class ParameterInvalid(TaxelflowError):

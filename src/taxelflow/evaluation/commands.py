@@ -20,6 +20,7 @@ from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.base import write_tables
 from taxelflow.runtime import registry
 from taxelflow.runtime.checks import at_least
+from taxelflow.runtime.command_line import parsed
 from taxelflow.runtime.complaint import as_far_as_read
 from taxelflow.runtime.exit_codes import ExitCode
 
@@ -268,17 +269,17 @@ def _list_scores(words: list[str]) -> int:
         descriptions={name: registry.summary("score", name) for name in names},
         prefix_names=False,
     )
-    tyro.cli(listed, args=words, prog="taxelflow score", description=cleandoc(Score.__doc__ or ""))
+    parsed(listed, words, "taxelflow score", description=cleandoc(Score.__doc__ or ""))
     return 0
 
 
 def _parsed(kind: Any, words: list[str]) -> tuple[AnyScore, Output]:
     """The score of this kind, and what to do with its report, from the words of the command line."""
     asked: Any = make_dataclass("Asked", [("score", kind), ("output", Output)])
-    found = tyro.cli(
+    found = parsed(
         asked,
-        args=words[1:],
-        prog=f"taxelflow score {words[0]}",
+        words[1:],
+        f"taxelflow score {words[0]}",
         description=registry.summary("score", words[0]),
         config=(tyro.conf.OmitArgPrefixes,),
     )

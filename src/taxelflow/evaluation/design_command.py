@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
-
 from taxelflow.errors import ParameterInvalid
 from taxelflow.evaluation.commands import Output, check_directory
 
@@ -31,9 +29,10 @@ class Design(Output):
         """Sweep, print, draw."""
         from taxelflow.evaluation.design import Design as Sweep
         from taxelflow.publish.terminal import counted
+        from taxelflow.runtime.command_line import parsed
 
         words = ["--help"] if rest == ["--help-sweep"] else rest
-        sweep = tyro.cli(Sweep, args=words, prog="taxelflow design")
+        sweep = parsed(Sweep, words, "taxelflow design", "--help-sweep")
         report = sweep.run(counted)
         drawn = []
         if self.plot is not None:

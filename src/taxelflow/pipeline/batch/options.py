@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
-
-import tyro
+from typing import TYPE_CHECKING, Literal
 
 from taxelflow.condition.parameters import Conditioner
 from taxelflow.contacts.features import ContactFeatures
@@ -14,6 +12,7 @@ from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.fusion.spatial.parameters import SpatialField
 from taxelflow.runtime import registry
+from taxelflow.runtime.command_line import parsed
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
@@ -53,7 +52,7 @@ class Estimating:
         from taxelflow.sensors.calibration import load_calibration
 
         kind = registry.find("estimator", self.method)
-        estimator: Any = tyro.cli(kind, args=own, prog=f"taxelflow {command} --method {self.method}")
+        estimator = parsed(kind, own, f"taxelflow {command} --method {self.method}")
         return Pipeline(
             estimator,
             self.mode,

@@ -15,6 +15,7 @@ from taxelflow.errors import AddressInvalid, ParameterInvalid
 from taxelflow.estimation.smoothing.parameters import Smoothing
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
+from taxelflow.runtime.command_line import parsed
 from taxelflow.slip.parameters import SlipMonitor
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ class Run(FromSource):
 
         sinks = opened_sinks(self.to)
         kind = registry.find("estimator", self.method)
-        estimator = tyro.cli(kind, args=rest, prog=f"taxelflow run --method {self.method}")
+        estimator = parsed(kind, rest, f"taxelflow run --method {self.method}")
         source = self.opened()
         check_files(sinks, source)
         live = Live(
