@@ -42,3 +42,5 @@ def test_what_has_no_meaning_is_refused() -> None:
         _ = parse_address("tcp://127.0.0.1:5000/scans").endpoint
     with pytest.raises(AddressInvalid, match=r"the path 'log\.csv' has no meaning here"):
         stdin.read(parse_address("stdin:log.csv"), None)
+    with pytest.raises(AddressInvalid, match="the host 'hand' has no meaning here; give inspire-dds:"):
+        parse_address("inspire-dds://hand").refuse_path("inspire-dds:?side=r")

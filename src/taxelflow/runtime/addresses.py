@@ -42,9 +42,11 @@ class Address:
         return self.host, self.port
 
     def refuse_path(self, example: str) -> None:
-        """Raises AddressInvalid, with an example, if there is a path, which has no meaning here."""
+        """Raises AddressInvalid, with an example, if there is a path, or a host that the example has none of."""
         if self.path:
             raise AddressInvalid(self.url, f"the path {self.path!r} has no meaning here", example)
+        if self.url.partition(":")[2].startswith("//") and "://" not in example:
+            raise AddressInvalid(self.url, f"the host {self.host!r} has no meaning here", example)
 
     def need_path(self, example: str) -> str:
         """The path. Raises AddressInvalid if it is empty, or a part of it stands where a host does in the example."""
