@@ -15,6 +15,8 @@ import pytest
 
 from streaming import PALM, opened, published, slid
 from taxelflow.acquire.base import Recording
+from taxelflow.acquire.devices.base import Faults
+from taxelflow.acquire.metadata import texts_of
 from taxelflow.cli import main
 from taxelflow.condition import relearning
 from taxelflow.condition.sample import WINDOWS
@@ -26,7 +28,9 @@ from taxelflow.pipeline.live.adoptions import asked_adoptions, asked_missed
 from taxelflow.pipeline.live.api import Live
 from taxelflow.pipeline.live.command import opened_sinks
 from taxelflow.pipeline.live.loop import Limits, run_live, update_of
+from taxelflow.pipeline.live.mcap_sink import McapSink
 from taxelflow.pipeline.live.replay import Replay
+from taxelflow.publish.sinks.base import Ending, Head
 from taxelflow.publish.sinks.lines import json_lines
 from taxelflow.runtime.addresses import parse_address
 from taxelflow.runtime.adoption import Adoption, AsRecorded, Lane, Late, WhenReady
@@ -224,6 +228,18 @@ def test_only_the_file_of_a_run_holds_adoptions(tmp_path: Path) -> None:
     assert main(["record", "rig:stroke?speed=max", str(tmp_path / "a.mcap"), "--max-scans", "20", "--quiet"]) == 0
     with pytest.raises(AddressInvalid, match="holds no adoptions"):
         asked_adoptions(f"replay:{tmp_path / 'a.mcap'}?adoptions=recorded")
+
+
+def test_the_adoptions_of_a_killed_run_are_used(tmp_path: Path) -> None:
+    adoptions, file = [Adoption("pad0", 0, 0.1), Adoption("pad0", 1, 0.2)], tmp_path / "a.mcap"
+    sink = McapSink(file, drawn=False)
+    sink.open(Head(PALM, ("pad0",), texts_of(_recorded()), Faults().report))
+    sink.write(update_of(steps(Live(PALM), 0, 20), None, adoptions, missed=[0.3]))
+    sink.close(Ending(None, ()))
+    file.write_bytes(file.read_bytes()[:-20])
+    url = f"replay:{file}?adoptions=recorded"
+    assert asked_adoptions(url) == adoptions
+    assert asked_missed(parse_address(url)) == {0.3}
 
 
 def test_a_lane_uses_one_thing_at_a_time() -> None:

@@ -16,6 +16,9 @@ from taxelflow.runtime.addresses import parse_address
 from taxelflow.runtime.adoption import Adoption
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from taxelflow.acquire.ros.topics import Topic
     from taxelflow.runtime.addresses import Address
 
 ADOPTIONS, MISSED, RESULTS = "/adoptions", "/missed", "/slips"
@@ -56,6 +59,12 @@ def _read(address: Address, name: str) -> list[dict[str, Any]]:
     found = list[dict[str, Any]]()
     for topic in source.topics:
         if topic.name == name:
-            with suppress(RecordingTruncated):  # what is whole is used; the replay of the scans reports that it was cut
-                found += [msgspec.json.decode(content) for _, content in source.messages(topic)]
+            found += _whole(source, topic)
     return found
+
+
+def _whole(source: McapSource, topic: Topic) -> Iterator[dict[str, Any]]:
+    """Messages until the end, or until the file was cut: the replay of the scans reports that."""
+    with suppress(RecordingTruncated):
+        for _, content in source.messages(topic):
+            yield msgspec.json.decode(content)
