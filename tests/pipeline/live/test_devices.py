@@ -26,7 +26,7 @@ from taxelflow.acquire.devices.line import LineParser, _plain, line_of
 from taxelflow.acquire.devices.rosbridge import RosbridgeParser
 from taxelflow.acquire.devices.xela import XelaParser
 from taxelflow.acquire.ros.kinds import kind_of
-from taxelflow.errors import TaxelCountWrong
+from taxelflow.errors import AddressInvalid, TaxelCountWrong
 from taxelflow.pipeline.live.emulators.base import Fault, Playback
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
@@ -46,7 +46,7 @@ SCANS = 30
 
 
 def sent_and_received(
-    kind: str, faults: tuple[Fault, ...] = (), host: str = "127.0.0.1"
+    kind: str, faults: tuple[Fault, ...] = (), host: str = "127.0.0.1", options: str = ""
 ) -> tuple[Playback, Floats, list[Any], Any]:
     """The playback, what was to be sent, arrivals and the source of an emulated device."""
     form, name = DEVICES[kind]
@@ -66,7 +66,7 @@ def sent_and_received(
 
     with (
         registry.find("emulator", kind)(parse_address(url), sensor) as device,
-        opened(url if kind in ("barrett-can", "inspire-modbus") else device.url, sensor) as source,
+        opened((url if kind in ("barrett-can", "inspire-modbus") else device.url) + options, sensor) as source,
     ):
         reader = threading.Thread(target=read, args=[source])
         reader.start()
@@ -150,6 +150,54 @@ def test_the_inspire_hand_is_asked_for_one_pad_at_a_time(monkeypatch: pytest.Mon
 def test_a_sensor_of_more_readings_than_the_inspire_hand_has_is_refused() -> None:
     with pytest.raises(TaxelCountWrong, match="the hand has 1062 taxels per scan but sensor 'grid:40x40@3mm' has 1600"):
         opened("inspire-modbus://127.0.0.1", load_sensor("grid:40x40@3mm"))
+
+
+def test_a_sensor_of_fewer_readings_has_whole_pads_of_the_inspire_hand() -> None:
+    opened("inspire-modbus://127.0.0.1", load_sensor("grid:3x3@3mm"))  # the first tip
+    with pytest.raises(TaxelCountWrong, match="the hand has 1062 taxels per scan but sensor 'grid:6x6@3mm' has 36"):
+        opened("inspire-modbus://127.0.0.1", load_sensor("grid:6x6@3mm"))
+
+
+def test_a_sensor_that_is_not_the_barretthand_is_refused_before_anything_is_written() -> None:
+    with pytest.raises(TaxelCountWrong, match="the hand has 96 taxels per scan but sensor 'grid:6x6@3mm' has 36"):
+        opened("barrett-can:can0?interface=virtual", load_sensor("grid:6x6@3mm"))
+
+
+@pytest.mark.parametrize(
+    ("url", "needed"),
+    [
+        ("barrett-can:can0?interface=virtual", "36 readings, and the hand 96; give --from .* barretthand-bh280-96"),
+        ("inspire-dds:", "1 pads, and the hand 17; give --from .* inspire-rh56dftp"),
+    ],
+)
+def test_a_hand_is_emulated_from_its_own_recordings_only(url: str, needed: str) -> None:
+    if url == "inspire-dds:":
+        pytest.importorskip("cyclonedds")
+    address = parse_address(url)
+    with pytest.raises(AddressInvalid, match=f"a scan has {needed}"):
+        registry.find("emulator", address.scheme)(address, load_sensor("grid:6x6@3mm"))
+
+
+@pytest.mark.parametrize("kind", ["xela", "dsa"])
+def test_the_time_of_arrival_replaces_the_clock_of_a_device(kind: str) -> None:
+    _, values, arrived, _ = sent_and_received(kind, options="?time=arrival")
+    assert [arrival.t_s for arrival in arrived] == [None] * SCANS
+    assert np.array_equal([arrival.values for arrival in arrived], values)
+
+
+@pytest.mark.parametrize(
+    ("url", "name", "refused"),
+    [
+        ("xela://127.0.0.1?time=never", "xela-4x4@4.7mm", "time=never; give time=device or arrival"),
+        ("xela://127.0.0.1?format=line", "xela-4x4@4.7mm", "unknown option 'format'"),
+        ("dsa:/dev/ttyUSB0?time=never", "schunk-sdh2", "time=never; give time=device or arrival"),
+        ("barrett-can:can0?time=device", "barretthand-bh280-96", "time=device; give time=arrival"),
+        ("inspire-modbus://127.0.0.1?time=device", "inspire-rh56dftp@3mm", "time=device; give time=arrival"),
+    ],
+)
+def test_an_option_that_a_device_does_not_have_is_refused(url: str, name: str, refused: str) -> None:
+    with pytest.raises(AddressInvalid, match=refused):
+        opened(url, load_sensor(name))
 
 
 def test_the_modbus_library_says_nothing_of_its_own(caplog: pytest.LogCaptureFixture) -> None:

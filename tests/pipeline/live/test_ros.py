@@ -134,6 +134,10 @@ def test_results_are_published_to_ros_2(tmp_path: Path) -> None:
         ("ros2:/touch?type=a_msgs/Other", "type=a_msgs/Other"),
         ("rosbridge://127.0.0.1:1", "no path"),
         ("inspire-dds:?side=x", "side=r or l"),
+        ("inspire-dds:?time=device", "time=device; give time=arrival"),
+        ("inspire-dds://hand", "the host 'hand' has no meaning here"),
+        ("ros2:/touch?type=tactile_msgs/TactileState&wait=3", "unknown option 'wait'"),
+        ("rosbridge://127.0.0.1:1/touch?format=line", "unknown option 'format'"),
     ],
 )
 def test_a_malformed_topic_is_refused(url: str, words: str) -> None:

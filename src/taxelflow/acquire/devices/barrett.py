@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
-from taxelflow.acquire.devices.streams import PATIENCE, STREAM_OPTIONS, ByteSource
-from taxelflow.errors import ExtraMissing
+from taxelflow.acquire.devices.streams import PATIENCE, STREAM_OPTIONS, ByteSource, refuse_device_time
+from taxelflow.errors import ExtraMissing, TaxelCountWrong
 from taxelflow.sensors.catalogue import load_sensor
 
 if TYPE_CHECKING:
@@ -231,9 +231,12 @@ class CanBus:
 
 
 def connect(address: Address, sensor: Sensor | None) -> ByteSource:
-    """`barrett-can:CHANNEL?interface=socketcan&rate=40`. Raises AddressInvalid, ExtraMissing."""
+    """`barrett-can:CHANNEL?interface=socketcan&rate=40`. Raises AddressInvalid, TaxelCountWrong, ExtraMissing."""
     address.check_options((*STREAM_OPTIONS, "interface", "rate"))
     channel = address.need_path("barrett-can:can0")
+    refuse_device_time(address)
     sensor, faults = sensor or load_sensor("barretthand-bh280-96"), Faults()
+    if sensor.channel_map.columns != len(PUCKS) * READINGS:
+        raise TaxelCountWrong("the hand", len(PUCKS) * READINGS, sensor.name, sensor.channel_map.columns)
     bus = CanBus(address.options.get("interface", "socketcan"), channel, address.number("rate", _RATE, 0.1))
     return ByteSource(address, sensor, bus, BarrettParser(faults), faults)

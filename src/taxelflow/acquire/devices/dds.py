@@ -13,7 +13,7 @@ import numpy as np
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
 from taxelflow.acquire.devices.rosbridge import asked_kind
-from taxelflow.acquire.devices.streams import PATIENCE, STREAM_OPTIONS, ByteSource, need_sensor
+from taxelflow.acquire.devices.streams import PATIENCE, ByteSource, is_timed, need_sensor, refuse_device_time
 from taxelflow.acquire.ros.columns import columns_of
 from taxelflow.acquire.ros.decode import Decoder, store_of
 from taxelflow.acquire.ros.kinds import Kind, ros2_name
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
 
+_OPTIONS = ("time", "timeout", "domain")
+"""Those of all readers: a topic is never refused, nor does it end."""
 _MOST_DOMAIN = 232
 """The last domain that has ports."""
 _FINGERS = ("one", "two", "three", "four", "five")
@@ -172,21 +174,21 @@ def message_type(address: Address) -> tuple[str, Kind]:
 
 def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     """`ros2:/topic?type=PACKAGE/NAME&domain=0`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
-    address.check_options((*STREAM_OPTIONS, "type", "domain"))
+    address.check_options((*_OPTIONS, "type"))
     topic = address.need_path("ros2:/topic?type=tactile_msgs/TactileState")
-    return _source(address, sensor, f"rt/{topic.lstrip('/')}", *message_type(address))
+    return _source(address, sensor, f"rt/{topic.lstrip('/')}", *message_type(address), timed=is_timed(address))
 
 
 def inspire(address: Address, sensor: Sensor | None) -> ByteSource:
     """`inspire-dds:?side=r&domain=0`. Raises AddressInvalid, SensorNeeded, ExtraMissing."""
-    address.check_options((*STREAM_OPTIONS, "side", "domain"))
+    address.check_options((*_OPTIONS, "side"))
     address.refuse_path("inspire-dds:?side=r")
     side = address.choice("side", ("r", "l"))
-    return _source(address, sensor, f"rt/inspire_hand/touch/{side}", INSPIRE_TYPE, INSPIRE)
+    refuse_device_time(address)
+    return _source(address, sensor, f"rt/inspire_hand/touch/{side}", INSPIRE_TYPE, INSPIRE, timed=False)
 
 
-def _source(address: Address, sensor: Sensor | None, topic: str, name: str, kind: Kind) -> ByteSource:
+def _source(address: Address, sensor: Sensor | None, topic: str, name: str, kind: Kind, *, timed: bool) -> ByteSource:
     sensor, faults = need_sensor(address, sensor), Faults()
-    timed = address.choice("time", ("device", "arrival")) == "device"
     reader = DdsReader(domain_of(address), topic, dds_type(store_of(name, "", "", kind.definition), name))
     return ByteSource(address, sensor, reader, CdrParser(sensor, name, kind, faults, timed=timed), faults)

@@ -16,7 +16,7 @@ import numpy as np
 from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.devices.frames import crc_table
 from taxelflow.acquire.devices.serial import BAUD, SerialLine
-from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource
+from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, is_timed
 from taxelflow.acquire.devices.wrapping import WrappingClock
 from taxelflow.errors import AddressInvalid
 from taxelflow.sensors.catalogue import load_sensor
@@ -87,9 +87,10 @@ def cells_of(layout: Layout) -> tuple[Indices, int]:
 
 
 class DsaParser:
-    """Finds frames with scans, and finds its way again after one that is damaged."""
+    """Finds frames with scans, also after one that is damaged. timed: whether their clock is used."""
 
-    def __init__(self, layout: Layout, faults: Faults, polynomial: int) -> None:
+    def __init__(self, layout: Layout, faults: Faults, polynomial: int, *, timed: bool = True) -> None:
+        self._timed = timed
         self._taxel_cells, self._cells = cells_of(layout)
         self._faults, self._table = faults, crc_table(polynomial)
         self._longest = max(SCAN_HEAD.size + 2 * self._cells, _LONGEST_REPLY)  # scans that follow would wait for more
@@ -148,7 +149,7 @@ class DsaParser:
             del buffer[:whole]
             return number, payload
 
-    def _scan(self, payload: bytes) -> tuple[float, Floats] | None:
+    def _scan(self, payload: bytes) -> tuple[float | None, Floats] | None:
         if len(payload) < SCAN_HEAD.size or len(payload) % 2 == 0:
             return None
         t_ms, flags = SCAN_HEAD.unpack_from(payload)
@@ -157,7 +158,8 @@ class DsaParser:
             words = np.repeat(words & 0xFFF, words >> 12)
         if len(words) != self._cells:
             return None
-        return self._clock.unwrapped(float(t_ms)) / 1e3, words[self._taxel_cells].astype(np.float64)
+        t_s = self._clock.unwrapped(float(t_ms)) / 1e3 if self._timed else None
+        return t_s, words[self._taxel_cells].astype(np.float64)
 
 
 class _DsaLine(SerialLine):
@@ -182,7 +184,8 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     polynomial = polynomial_of(address)
     payload = struct.pack("<BH", Flag.CONTINUOUS | Flag.RUN_LENGTHS, round(address.number("rate", _RATE, 1, _MOST)))
     line = _DsaLine(device, frame(Message.ACQUIRE, payload, crc_table(polynomial)))
-    return ByteSource(address, sensor, line, DsaParser(sensor.layout, faults, polynomial), faults)
+    parser = DsaParser(sensor.layout, faults, polynomial, timed=is_timed(address))
+    return ByteSource(address, sensor, line, parser, faults)
 
 
 def polynomial_of(address: Address) -> int:

@@ -12,12 +12,13 @@ import threading
 import time
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taxelflow.acquire.devices.base import POLL_S, Faults
-from taxelflow.acquire.devices.streams import PATIENCE, STREAM_OPTIONS, ByteSource, need_sensor
+from taxelflow.acquire.devices.streams import PATIENCE, STREAM_OPTIONS, ByteSource, need_sensor, refuse_device_time
 from taxelflow.errors import ExtraMissing, TaxelCountWrong
 
 if TYPE_CHECKING:
@@ -148,8 +149,9 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     """
     address.check_options((*STREAM_OPTIONS, "rate"))
     address.refuse_path("inspire-modbus://HOST")
+    refuse_device_time(address)
     sensor = need_sensor(address, sensor)
-    if sensor.channel_map.columns > sum(PADS):
+    if sensor.channel_map.columns not in accumulate(PADS):  # all pads, or the first ones
         raise TaxelCountWrong("the hand", sum(PADS), sensor.name, sensor.channel_map.columns)
     rate_hz = address.number("rate", 50.0, 0.1)
     hand = ModbusHand(address.host or "127.0.0.1", address.port or MODBUS.port, sensor.channel_map.columns, rate_hz)

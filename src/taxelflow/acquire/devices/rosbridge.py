@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.acquire.devices.base import Faults
-from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, need_sensor
+from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, is_timed, need_sensor
 from taxelflow.acquire.devices.websocket import WebSocket
 from taxelflow.acquire.ros.columns import columns_of
 from taxelflow.acquire.ros.decode import follow, parts_of
@@ -103,7 +103,7 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     topic = "/" + address.need_path("rosbridge://HOST:PORT/topic").lstrip("/")
     sensor, faults = need_sensor(address, sensor), Faults()
     kind = asked_kind(address)
-    timed = address.choice("time", ("device", "arrival")) == "device"
+    timed = is_timed(address)
     asks = {"op": "call_service", "service": "/rosapi/topic_type", "args": {"topic": topic}}
     wants: dict[str, Any] = {"op": "subscribe", "topic": topic, "queue_length": 0}
     if kind is not None:

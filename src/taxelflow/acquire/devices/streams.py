@@ -37,8 +37,8 @@ class _Patience:
 PATIENCE = _Patience()
 _SPREAD_S = 0.05
 """Longest time that scans without a time of their own are spread over: USB adapters pass bytes on in pieces."""
-STREAM_OPTIONS = ("time", "format", "wait", "timeout", "keep")
-LINE_OPTIONS = (*STREAM_OPTIONS, "time-unit")
+STREAM_OPTIONS = ("time", "wait", "timeout", "keep")
+LINE_OPTIONS = (*STREAM_OPTIONS, "format", "time-unit")
 """Of connections that may send lines."""
 
 
@@ -179,6 +179,16 @@ def need_sensor(address: Address, sensor: Sensor | None) -> Sensor:
     return sensor
 
 
+def is_timed(address: Address) -> bool:
+    """Whether the device's clock gives the times, not the arrival: the option time. Raises AddressInvalid."""
+    return address.choice("time", ("device", "arrival")) == "device"
+
+
+def refuse_device_time(address: Address) -> None:
+    """Raises AddressInvalid for a time that a device without a clock does not send."""
+    address.choice("time", ("arrival",))
+
+
 def parser_of(
     address: Address, sensor: Sensor, faults: Faults, *, joins_late: bool = False, ends_cut: bool = False
 ) -> Parser:
@@ -190,7 +200,7 @@ def parser_of(
     from taxelflow.acquire.devices.line import LineParser
 
     columns = sensor.channel_map.columns
-    timed = address.choice("time", ("device", "arrival")) == "device"
+    timed = is_timed(address)
     form = address.choice("format", ("binary", "line") if sensor.frame is not None else ("line",))
     unit = address.choice("time-unit", tuple(PER_SECOND))
     if "time-unit" in address.options and not (timed and form == "line"):

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from taxelflow.acquire.devices.base import Faults
-from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, need_sensor
+from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, is_timed, need_sensor
 from taxelflow.acquire.devices.websocket import WebSocket
 from taxelflow.runtime.endpoints import authority
 
@@ -27,10 +27,10 @@ PORT = 5000
 
 
 class XelaParser:
-    """A scan a message: the numbers of all its sensors, by their numbers."""
+    """A scan a message: the numbers of all its sensors, by their numbers. timed: whether their clock is used."""
 
-    def __init__(self, columns: int, faults: Faults) -> None:
-        self._columns, self._faults = columns, faults
+    def __init__(self, columns: int, faults: Faults, *, timed: bool = True) -> None:
+        self._columns, self._faults, self._timed = columns, faults, timed
 
     def restart(self) -> None:
         """Nothing is held."""
@@ -54,7 +54,7 @@ class XelaParser:
         if len(values) != self._columns or not math.isfinite(t_s):
             self._faults.count("bad message", f"{len(values)} numbers, {self._columns} expected")
             return []
-        return [(t_s, values)]
+        return [(t_s if self._timed else None, values)]
 
 
 def connect(address: Address, sensor: Sensor | None) -> ByteSource:
@@ -63,4 +63,5 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     address.refuse_path("xela://HOST:PORT")
     sensor, faults = need_sensor(address, sensor), Faults()
     url = f"ws://{authority(address.host or '127.0.0.1', address.port or PORT)}"
-    return ByteSource(address, sensor, WebSocket(url), XelaParser(sensor.channel_map.columns, faults), faults)
+    parser = XelaParser(sensor.channel_map.columns, faults, timed=is_timed(address))
+    return ByteSource(address, sensor, WebSocket(url), parser, faults)

@@ -13,7 +13,7 @@ import numpy as np
 
 from taxelflow.acquire.devices import barrett, dsa, inspire, xela
 from taxelflow.acquire.devices.frames import crc_table
-from taxelflow.errors import ExtraMissing
+from taxelflow.errors import AddressInvalid, ExtraMissing
 from taxelflow.pipeline.live.emulators.base import POLL_S
 from taxelflow.pipeline.live.emulators.streams import Pty
 from taxelflow.runtime.endpoints import authority, family_of, listening, place_of
@@ -161,8 +161,11 @@ class Dsa:
 class Barrett:
     """Four pucks on a CAN bus of python-can; `interface=virtual` is within one process, `udp_multicast` is not."""
 
-    def __init__(self, address: Address, _sensor: Sensor) -> None:
+    def __init__(self, address: Address, sensor: Sensor) -> None:
         self.url = address.url
+        if (columns := sensor.channel_map.columns) != (held := len(barrett.PUCKS) * barrett.READINGS):
+            seen = f"a scan has {columns} readings, and the hand {held}"
+            raise AddressInvalid(address.url, seen, "--from a recording of barretthand-bh280-96")
         self._bus = barrett.CanBus(address.options.get("interface", "socketcan"), address.need_path("barrett-can:can0"))
 
     def __enter__(self) -> Self:

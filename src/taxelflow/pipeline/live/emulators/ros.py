@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -11,6 +12,7 @@ import numpy as np
 from taxelflow.acquire.devices import dds, rosbridge
 from taxelflow.acquire.ros.decode import store_of
 from taxelflow.errors import AddressInvalid
+from taxelflow.pipeline.live.emulators.base import POLL_S
 from taxelflow.pipeline.live.emulators.devices import WebSocketServer
 from taxelflow.pipeline.live.ros2_sink import Ros2Types
 from taxelflow.runtime.endpoints import authority
@@ -84,7 +86,7 @@ class _Publisher:
     def wait(self) -> None:
         """See `Emulator`."""
         while not self._writer.get_matched_subscriptions():
-            pass
+            time.sleep(POLL_S)
 
     def encoded(self, message: Any) -> bytes:
         """A message in CDR."""
@@ -125,6 +127,9 @@ class InspireDds(_Publisher):
         kind = dds.dds_type(store_of(dds.INSPIRE_TYPE, "", "", dds.INSPIRE.definition), dds.INSPIRE_TYPE)
         super().__init__(address, f"rt/inspire_hand/touch/{address.choice('side', ('r', 'l'))}", kind)
         counts = [sensor.layout.starts[pad + 1] - sensor.layout.starts[pad] for pad in range(sensor.layout.pad_count)]
+        if len(counts) != len(dds.INSPIRE.values):
+            seen = f"a scan has {len(counts)} pads, and the hand {len(dds.INSPIRE.values)}"
+            raise AddressInvalid(address.url, seen, "--from a recording of inspire-rh56dftp")
         self._ends = np.cumsum(counts)[:-1]
 
     def encode(self, _t_s: float, values: Floats) -> bytes:
