@@ -133,6 +133,9 @@ def test_an_emulation_of_nothing_is_refused(capsys: pytest.CaptureFixture[str]) 
         f"taxelflow: cannot open tcp://127.0.0.1:{port}: port {port} is taken by another program; "
         "choose another port, or end it\n"
     )
+    said = refused(capsys, "emulate", "tcp://192.0.2.1:5", "--from", "stroke")
+    assert said.startswith("taxelflow: cannot open tcp://192.0.2.1:5: Cannot assign requested address")
+    assert said.endswith("; check the address, and that this machine has it\n")
     assert "known are stroke" in refused(capsys, "emulate", "tcp", "--from", "nowhere")
     assert "known are cable" in refused(capsys, "emulate", "tcp", "--from", "stroke", "--fault", "fire@1")
     assert "stall@2.5" in refused(capsys, "emulate", "tcp", "--from", "stroke", "--fault", "stall@x")

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from taxelflow.errors import NameUnknown, PortTaken
+from taxelflow.acquire.devices.streams import words
+from taxelflow.errors import NameUnknown, PortTaken, SourceUnreachable
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import Address, parse_address
 from taxelflow.runtime.checks import not_negative
@@ -84,7 +85,7 @@ class Emulate:
         return simulate(replace(SCENARIOS[self.scans], seed=self.seed))
 
     def _opened(self, recording: Recording, opened: ExitStack) -> Emulator:
-        """The device, which closes with the stack. Raises PortTaken."""
+        """The device, which closes with the stack. Raises PortTaken, SourceUnreachable."""
         from taxelflow.pipeline.live.emulators.base import USUAL
 
         named = self.device if ":" in self.device else USUAL.get(self.device, f"{self.device}:")
@@ -95,7 +96,8 @@ class Emulate:
         except OSError as error:
             if error.errno == errno.EADDRINUSE:
                 raise PortTaken(named, address.port) from error
-            raise
+            remedy = "check the address, and that this machine has it"
+            raise SourceUnreachable(named, words(error), 0.0, remedy) from error
 
     def _scans(self, recording: Recording) -> Iterator[tuple[float, Floats]]:
         """Times and values as the source sent them, again and again if asked for."""
