@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import os
 import re
 import threading
 from types import SimpleNamespace
@@ -27,7 +28,9 @@ from taxelflow.acquire.devices.rosbridge import RosbridgeParser
 from taxelflow.acquire.devices.xela import XelaParser
 from taxelflow.acquire.ros.kinds import kind_of
 from taxelflow.errors import AddressInvalid, TaxelCountWrong
+from taxelflow.pipeline.live.emulators import streams
 from taxelflow.pipeline.live.emulators.base import Fault, Playback
+from taxelflow.pipeline.live.emulators.streams import Pty
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
 from taxelflow.sensors.frame import Frame
@@ -83,6 +86,16 @@ def test_what_a_device_sends_arrives_exactly(kind: str) -> None:
     assert playback.whole == SCANS
     assert np.array_equal([arrival.values for arrival in arrived], values)
     assert not source.faults.counts
+
+
+def test_what_a_pseudo_terminal_was_sent_is_read_before_it_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    line, read = Pty(), list[bytes]()
+    reader = os.open(line.path, os.O_RDONLY | os.O_NOCTTY)
+    monkeypatch.setattr(streams.time, "sleep", lambda _s: read.append(os.read(reader, 100)))
+    assert line.send(b"the last scan")
+    line.close()
+    os.close(reader)
+    assert read == [b"the last scan"]
 
 
 @pytest.mark.parametrize("kind", ["xela", "inspire-modbus"])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import pty
 import select
 import socket
 import struct
 import sys
+import termios
 import time
 import tty
 from contextlib import suppress
@@ -152,6 +154,8 @@ class UdpSender(_Stream):
 class Pty:
     """A pseudo-terminal: a serial line whose other end has a path."""
 
+    _drained_s = 1.0
+
     def __init__(self) -> None:
         self._device, self._line = pty.openpty()
         tty.setraw(self._line)
@@ -173,9 +177,18 @@ class Pty:
         return os.read(self._device, 1 << 12) if ready else b""
 
     def close(self) -> None:
-        """Unplug it."""
+        """Unplug it, when what was sent has been read, or soon: the system drops what a reader has not taken yet."""
+        until = time.monotonic() + self._drained_s
+        time.sleep(POLL_S)  # what was sent reaches the line by a thread of the system
+        while self._unread() and time.monotonic() < until:
+            time.sleep(POLL_S)
         os.close(self._device)
         os.close(self._line)
+
+    def _unread(self) -> int:
+        """Bytes that wait for a reader."""
+        (count,) = struct.unpack("i", fcntl.ioctl(self._line, termios.FIONREAD, bytes(4)))
+        return int(count)
 
 
 class SerialDevice(_Stream):
