@@ -66,10 +66,7 @@ class ChannelMap:
 
         A number beyond any sensor's, such as a driver's sentinel for a missing one, is NaN.
         """
-        sent = raw.values
-        absurd = np.abs(sent) > _LARGEST
-        if np.count_nonzero(absurd):
-            sent = np.where(absurd, np.nan, sent)
+        sent = plausible(raw.values)
         values = np.ascontiguousarray(self.to_readings(sent))
         if self.shear_column is None:
             return RawScans(raw.t_s, values)
@@ -143,6 +140,12 @@ def _places_of(pad: Pad) -> Indices:
         return own  # the source also sends a number for each missing taxel
     rank: Indices = np.argsort(np.argsort(own))
     return rank
+
+
+def plausible(sent: Floats) -> Floats:
+    """A source's numbers, NaN where one is beyond any sensor's."""
+    absurd = np.abs(sent) > _LARGEST
+    return np.where(absurd, np.nan, sent) if np.count_nonzero(absurd) else sent
 
 
 def doubted_numbers(sent: Floats, notes: Sequence[str]) -> list[str]:

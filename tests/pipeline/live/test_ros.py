@@ -13,13 +13,15 @@ import numpy as np
 import pytest
 
 from streaming import PALM, SCANS, free_port, lines, opened, published, running, slid
-from taxelflow import load_sensor
+from taxelflow import RawScans, load_sensor
+from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.ros.decode import store_of
 from taxelflow.acquire.ros.kinds import kind_of
 from taxelflow.errors import AddressInvalid, TaxelflowError
 from taxelflow.pipeline.live.emulators.base import Playback
 from taxelflow.pipeline.live.loop import Limits
 from taxelflow.pipeline.live.ros2_sink import Ros2Types
+from taxelflow.publish.sinks.base import Ending, Head
 from taxelflow.publish.sinks.six_axes import over_skin
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import parse_address
@@ -80,6 +82,15 @@ def test_another_process_receives_scans_by_dds_and_passes_them_on(tmp_path: Path
     received = taxelflow.read(tmp_path / "a.mcap").load()
     sent = dict(zip((scans.t_s + 100.0).round(6).tolist(), scans.values, strict=True))
     assert np.allclose(received.values, [sent[t] for t in received.t_s.round(6).tolist()], rtol=1e-6)
+
+
+def test_a_number_beyond_any_sensor_does_not_end_the_topics() -> None:
+    sink = registry.find("sink", "ros2")(parse_address("ros2:"))
+    sink.open(Head(PALM, PALM.layout.pads, {}, Faults().report))
+    sink.write_raw(RawScans(np.zeros(1), np.full((1, 28), 1e40)), late=False)
+    sink.close(Ending(None, ()))
+    emulated = registry.find("emulator", "ros2")(parse_address("ros2:/touch"), PALM)
+    assert emulated.encode(0.0, np.full(28, 1e40)) == emulated.encode(0.0, np.full(28, np.nan))
 
 
 def test_a_scan_at_time_0_has_a_stamp() -> None:

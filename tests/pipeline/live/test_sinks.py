@@ -92,6 +92,12 @@ def test_pads_are_drawn_where_they_lie_in_the_hand() -> None:
     assert np.allclose(points[palm, :2], turned.T, atol=1e-6)
 
 
+def test_a_number_beyond_any_sensor_is_drawn_as_no_load() -> None:
+    drawing = Drawing(PALM)
+    list(drawing.scan(1.0, np.resize([1e40, -1e40, np.inf, np.nan, 5.0], 28)))
+    assert drawing._points[:5, 3].tolist() == [0.0, 0.0, 0.0, 0.0, 5.0]
+
+
 class _Plain:
     """In place of foxglove's messages: fields as they were given."""
 

@@ -20,6 +20,7 @@ from taxelflow.acquire.ros.kinds import kind_of
 from taxelflow.numerics.clock import nanoseconds
 from taxelflow.publish.sinks.lines import event_row
 from taxelflow.publish.sinks.six_axes import over_skin, usable
+from taxelflow.sensors.channels import plausible
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats, RawScans, SpatialMotions
@@ -114,7 +115,7 @@ class Ros2Sink:
         if late:
             return
         sensor, layout = self._head.sensor, self._head.sensor.layout
-        readings = sensor.channel_map.to_readings(scans.values)
+        readings = sensor.channel_map.to_readings(plausible(scans.values))
         for t_s, values in zip(scans.t_s.tolist(), readings, strict=True):
             pads = {layout.pads[pad]: values[layout.of_pad(pad)].tolist() for pad in range(layout.pad_count)}
             self._scans.write(self._types.touch(t_s, pads))

@@ -14,6 +14,7 @@ import numpy as np
 from taxelflow.errors import ExtraMissing
 from taxelflow.numerics.clock import nanoseconds
 from taxelflow.numerics.geometry import transform
+from taxelflow.sensors.channels import plausible
 from taxelflow.sensors.triangulation import raster_cell_m
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ class Drawing:
     def scan(self, t_s: float, values: Floats) -> Iterator[Drawn]:
         """A scan (columns,) as the source sent it: the cloud of all taxels and a grid for each pad."""
         messages, layout = self._messages, self._layout
-        readings = self._sensor.channel_map.to_readings(values[np.newaxis])[0]
+        readings = self._sensor.channel_map.to_readings(plausible(values)[np.newaxis])[0]
         t_ns = nanoseconds(t_s)
         stamp = self._stamp(t_ns)
         self._points[:, 3] = np.nan_to_num(readings)

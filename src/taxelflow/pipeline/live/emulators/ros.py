@@ -16,6 +16,7 @@ from taxelflow.pipeline.live.emulators.base import POLL_S
 from taxelflow.pipeline.live.emulators.devices import WebSocketServer
 from taxelflow.pipeline.live.ros2_sink import Ros2Types
 from taxelflow.runtime.endpoints import authority
+from taxelflow.sensors.channels import plausible
 
 if TYPE_CHECKING:
     from typing import Self
@@ -117,7 +118,7 @@ class Ros2(_Publisher):
 
     def encode(self, t_s: float, values: Floats) -> bytes:
         """See `Emulator`."""
-        return self.encoded(self._types.touch(t_s, {"all": values.tolist()}))
+        return self.encoded(self._types.touch(t_s, {"all": plausible(values).tolist()}))
 
 
 class InspireDds(_Publisher):
