@@ -197,6 +197,16 @@ def test_scans_for_which_a_file_has_no_room_are_dropped_and_not_published(
         assert {path.suffix for path in (tmp_path / "a.mcap").iterdir()} == {".part"}
 
 
+def test_parquet_files_of_a_run_that_failed_stay_parts(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    sink, live = registry.find("sink", "parquet")(parse_address(f"parquet:{tmp_path}")), Live(PALM)
+    sink.open(Head(PALM, live.pads, {}, Faults().report))
+    sink.write(update_of(live.push(cut(slid(), 0, 20))))
+    sink.close(Ending(None, (), failed=True))
+    assert not list(tmp_path.glob("*.parquet"))
+    assert parquet.read_table(tmp_path / "slips.parquet.part").num_rows == 20
+
+
 def test_a_parquet_file_that_has_no_end_has_no_scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
 

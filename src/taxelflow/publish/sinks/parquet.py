@@ -69,15 +69,16 @@ class ParquetSink(ResultSink):
     def hurry(self) -> None:
         """See `Sink`: a write to a full disk fails at once."""
 
-    def close(self, _ending: Ending) -> None:
+    def close(self, ending: Ending) -> None:
         """See `Sink`."""
         try:
             if self._held:
                 self._write()
             with self._all_or_nothing():
                 self._tables.__exit__()
-            for part, file in zip(self._parts, self.files, strict=True) if not self.dropped else ():
-                part.replace(file)
+            if not (self.dropped or ending.failed):
+                for part, file in zip(self._parts, self.files, strict=True):
+                    part.replace(file)
         finally:
             os.close(self._lock)
 
