@@ -367,6 +367,9 @@ def test_live_refuses_a_scan_of_another_size() -> None:
         Live(PALM).step(0.0, [1.0, 2.0])
     with pytest.raises(TaxelCountWrong, match="a block has 2 taxels per scan"):
         Live(PALM).push(RawScans(np.zeros(1), np.zeros((1, 2))))
+    for times, shape in ((1, (28,)), (2, (1, 28))):
+        with pytest.raises(RecordingCorrupt, match=r"t_s has shape \(.,\), values \(.*; give t_s \(scans,\)"):
+            Live(PALM).push(RawScans(np.zeros(times), np.zeros(shape)))
 
 
 @pytest.mark.parametrize(("t_s", "values"), [("now", [0.0] * 28), (None, [0.0] * 28), (0.0, "text"), (0.0, [{}] * 28)])

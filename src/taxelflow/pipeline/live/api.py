@@ -116,10 +116,13 @@ class Live:
     def push(self, scans: RawScans) -> Output:
         """Results that are ready after these scans: (scans, columns) as the source sends them, later than all before.
 
-        Raises TaxelCountWrong, and RunEnded after `finish`.
+        Raises RecordingCorrupt, TaxelCountWrong, and RunEnded after `finish`.
         """
         columns = self.recording.sensor.channel_map.columns
-        if scans.values.ndim != 2 or scans.values.shape[1] != columns:
+        if scans.values.ndim != 2 or scans.t_s.shape != (len(scans.values),):
+            seen = f"t_s has shape {scans.t_s.shape}, values {scans.values.shape}"
+            raise RecordingCorrupt("a block", seen, f"give t_s (scans,) and values (scans, {columns})")
+        if scans.values.shape[1] != columns:
             raise TaxelCountWrong("a block", scans.values.shape[-1], self.recording.sensor.name, columns)
         return self.run.step(self.recording.sensor.channel_map.of_source(scans))
 
