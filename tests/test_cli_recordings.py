@@ -67,6 +67,9 @@ def test_two_topics_are_one_line_with_their_names_until_one_is_chosen(
     assert (code, out) == (2, "")
     assert err.endswith(f"choose one with --topic: /left ({TOUCH}), /right ({TOUCH})\n")
     assert err.count("\n") == 1
+    code, out, err = run(capsys, "run", f"replay:{bag}", "--sensor", sensor)
+    assert (code, out) == (2, "")
+    assert err.endswith(f"choose one with ?topic=NAME: /left ({TOUCH}), /right ({TOUCH})\n")
     code, out, _ = run(capsys, "info", bag, "--sensor", sensor, "--topic", "/right", "--json")
     assert code == 0
     assert json.loads(out)["scans"] == 30

@@ -244,11 +244,16 @@ class TopicUnclear(RecordingError):
     ) -> None:
         """remedy: where choosing another topic does not help."""
         names = list(topics)
+        self._facts, self._remedy = (path, seen, names), remedy
         more = f" and {len(names) - _MESSAGE.names} more" if len(names) > _MESSAGE.names else ""
         listed = ", ".join(names[: _MESSAGE.names]) + more
         usual = f"choose one with {option}: {listed}" if listed else "the bag has no topics: record it again"
         does = f"its topics are {listed}; {remedy}" if remedy else usual
         super().__init__(f"cannot choose a topic of {path}: {seen}; {does}")
+
+    def asked_by(self, option: str) -> TopicUnclear:
+        """The same where another option chooses the topic."""
+        return TopicUnclear(*self._facts, option, remedy=self._remedy)
 
 
 class SensorFileInvalid(TaxelflowError):

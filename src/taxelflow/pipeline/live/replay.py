@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from taxelflow.acquire.devices.base import POLL_S, Arrival, Faults
-from taxelflow.errors import AddressInvalid, NameUnknown, SourceUnreachable
+from taxelflow.errors import AddressInvalid, NameUnknown, SourceUnreachable, TopicUnclear
 from taxelflow.pipeline import api
 from taxelflow.pipeline.live.adoptions import OPTION, asked_missed
 from taxelflow.simulation.scenario import SCENARIOS
@@ -81,7 +81,10 @@ def replay(address: Address, sensor: Sensor | None) -> Replay:
     """
     address.check_options(("speed", "topic", OPTION))
     path = address.file_path("replay:FILE?speed=1")
-    recording = api.read(path, sensor, topic=address.options.get("topic"))
+    try:
+        recording = api.read(path, sensor, topic=address.options.get("topic"))
+    except TopicUnclear as error:
+        raise error.asked_by("?topic=NAME") from None
     return _paced(address, recording, asked_missed(address))
 
 
