@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from taxelflow.acquire.devices.streams import words
 from taxelflow.errors import NameUnknown, PortTaken, SourceUnreachable
 from taxelflow.runtime import registry
 from taxelflow.runtime.addresses import Address, parse_address
@@ -86,6 +85,7 @@ class Emulate:
 
     def _opened(self, recording: Recording, opened: ExitStack) -> Emulator:
         """The device, which closes with the stack. Raises PortTaken, SourceUnreachable."""
+        from taxelflow.acquire.devices.streams import words
         from taxelflow.pipeline.live.emulators.base import USUAL
 
         named = self.device if ":" in self.device else USUAL.get(self.device, f"{self.device}:")
