@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.messages import Floats
-from taxelflow.runtime.compiling import inlined, routine
+from taxelflow.runtime.compiling import inlined, lean_kernel, routine
 
 _CANCELLED = 4.0 * float(np.finfo(np.float64).eps)
 """Share of its terms that rounding may make of a determinant that is 0."""
@@ -145,6 +145,14 @@ def solve_factored(a: Floats, b: Floats, n: int) -> None:
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
             b[i] -= a[k, i] * b[k]
+
+
+@lean_kernel
+def copy(matrix: Floats, other: Floats) -> None:
+    """Fill another matrix (n, n) with this one."""
+    for a in range(len(matrix)):
+        for b in range(len(matrix)):
+            other[a, b] = matrix[a, b]
 
 
 @routine

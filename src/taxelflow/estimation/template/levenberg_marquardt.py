@@ -11,7 +11,7 @@ from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
 from taxelflow.numerics.rounding import NEGLIGIBLE
-from taxelflow.numerics.small_linalg import factor5, mirror, solved5
+from taxelflow.numerics.small_linalg import copy, factor5, mirror, solved5
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
 
@@ -82,8 +82,7 @@ def refine_state(
     _hold(prior, state)
     damping, best, best_chi, count = _STEPS.first, np.inf, 0.0, 0
     normal, right, best_right, step, kept = room[:STATE], room[5], room[6], room[7], room[8]
-    for a in range(STATE):
-        kept[a] = state[a]
+    put(state_of(state), kept)
     for _ in range(iterations):
         cost, chi, used = linearise(surface, taxels, huber, state, normal, right)
         cost += _add_prior(prior, state, normal, right)
@@ -92,7 +91,7 @@ def refine_state(
             best, best_chi, count = cost, chi, used
             for a in range(STATE):
                 kept[a], best_right[a] = state[a], right[a]
-            copy_lower(normal, information)
+            copy(normal, information)
             damping = max(damping * 0.2, _STEPS.least)
             if gained < _STEPS.enough:
                 break
@@ -114,21 +113,11 @@ def refine_state(
         put(State(x, y, theta, gain, size), state)
         if lowered < _STEPS.enough:
             best -= lowered
-            for a in range(STATE):
-                kept[a] = state[a]
+            put(state_of(state), kept)
             break
-    for a in range(STATE):
-        state[a] = kept[a]
+    put(state_of(kept), state)
     mirror(information)
     return best, best_chi, count
-
-
-@lean_kernel
-def copy_lower(one: Floats, other: Floats) -> None:
-    """Make the lower half of a matrix (n, n) that of another."""
-    for a in range(len(one)):
-        for b in range(a + 1):
-            other[a, b] = one[a, b]
 
 
 @lean_kernel

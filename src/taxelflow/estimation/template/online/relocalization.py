@@ -11,8 +11,9 @@ from taxelflow.estimation.template.linearization import Packed, frame_of, look_u
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, unexplained
 from taxelflow.messages import Floats
-from taxelflow.numerics.bspline import STATE, state_of, states_of
+from taxelflow.numerics.bspline import STATE, put, state_of, states_of
 from taxelflow.numerics.robust import HUBER, gate
+from taxelflow.numerics.small_linalg import copy
 from taxelflow.runtime.compiling import kernel
 from taxelflow.runtime.settled import Settled
 
@@ -73,8 +74,8 @@ def _best_of(
     room = np.empty((ROOM + STATE + 2, STATE))
     mean, trial, found = room[ROOM + STATE], room[ROOM + STATE + 1], room[ROOM : ROOM + STATE]
     for start in range(len(starts)):
-        for a in range(STATE):
-            mean[a] = trial[a] = starts[start, a]
+        put(state_of(starts[start]), mean)
+        put(state_of(starts[start]), trial)
         prior = Prior(mean, precision)
         cost, chi, count = refine_state(surface, taxels, prior, HUBER, _ITERATIONS, trial, found, room[:ROOM])
         if not (cost < best and count > 0 and chi / max(count, 1) < gate(usual, float(count))):
@@ -84,10 +85,8 @@ def _best_of(
         if unexplained(frame, taxels, error, mean) > UNEXPLAINED.known:
             continue
         best, best_chi, best_count = cost, chi, count
-        for a in range(STATE):
-            state[a] = trial[a]
-            for b in range(STATE):
-                information[a, b] = found[a, b]
+        put(state_of(trial), state)
+        copy(found, information)
     return best_chi, best_count
 
 

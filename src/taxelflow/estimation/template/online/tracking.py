@@ -31,7 +31,7 @@ from taxelflow.numerics.centroid import CELL_ERROR, LOADED, centroid_covariance
 from taxelflow.numerics.cut import find_hidden
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import CHEAPER, GATE, HUBER, gate
-from taxelflow.numerics.small_linalg import mirror
+from taxelflow.numerics.small_linalg import copy, mirror
 from taxelflow.runtime.compiling import lean_kernel
 
 _PREDICTED, _AS_BEFORE, _WITH_CENTROID, _LOOSE, _TURNS, _GROWS, _ATTEMPTS = range(7)
@@ -87,8 +87,7 @@ def _follow_pad(
     count, lanes, states = len(scan.reading), room.lanes, room.states
     last, middle, precision = states[0], states[1], states[2]
     bend, brought = lanes[PACKED : PACKED + 3, : len(delay)], lanes[PACKED + 3 :]
-    for a in range(STATE):
-        last[a] = m.state[a]
+    put(state_of(m.state), last)
     span = t - m.last_t
     middle_of(scan, floor, middle)
     if floor > 0.0:
@@ -119,9 +118,7 @@ def _follow_pad(
         search = Search(states, span, usual, grown_std, False, False, False)
         chi = _search(Surface(surface.c, surface.doubt[:0], surface.lattice), taxels, search, m)
         pack_readings(scan.reading, scan.variance, scan.ceiling, error, taxels)
-    for a in range(STATE):
-        for b in range(STATE):
-            m.step[a, b] = m.information[a, b]
+    copy(m.information, m.step)
     m.chi = chi
     frame = frame_of(surface.lattice, m.state[:])
     look_up(surface, frame, taxels)
@@ -160,9 +157,7 @@ def _judge(
     m.strange = True
     if unseen <= error:
         m.unexplained = unexplained(frame, taxels, error, m.shift[:])
-        for a in range(STATE):
-            for b in range(STATE):
-                m.doubted[a, b] = m.information[a, b]
+        copy(m.information, m.doubted)
         return
     more = unseen * unseen - error * error
     least = LOADED.skirt * level
@@ -237,20 +232,12 @@ def _search(surface: Surface, taxels: Packed, search: Search, m: Track) -> float
         of_turn = _PAID * (best if fit else _misfit(best, taxels))
         if cost < best - (CHEAPER if attempt < _TURNS else of_turn):
             best, best_chi, m.count = cost, chi / max(count, 1), count
-            _take(trial, found, m)
+            put(state_of(trial), m.state)
+            copy(found, m.information)
             _learn_freedom(attempt, m)
         if best_chi <= GATE * search.usual and not search.leaves_more:
             break
     return best_chi
-
-
-@lean_kernel
-def _take(state: Floats, information: Floats, m: Track) -> None:
-    """Make a state (5,) and its information (5, 5) those of the last scan."""
-    for a in range(STATE):
-        m.state[a] = state[a]
-        for b in range(STATE):
-            m.information[a, b] = information[a, b]
 
 
 @lean_kernel
