@@ -241,13 +241,8 @@ def refined(scanned: Scanned, start: Solved) -> Solved:
     tested = np.count_nonzero(touched(scanned)) >= FEWEST * sharp.fit.free
     if best.error <= COARSE and not (tested and CLEARLY * sharp.error <= best.error):
         return best
-    return min(best, _by_its_error(scanned, sharp), key=lambda one: cost(one, scanned))
-
-
-def _by_its_error(scanned: Scanned, solved: Solved) -> Solved:
-    """A fit with its information by the error that it leaves, not by the one that it was found with."""
-    fit = _fit(scanned, solved, rounds=0, error=solved.error)
-    return replace(solved, fit=fit)
+    sharp.fit = _fit(scanned, sharp, rounds=0, error=sharp.error)  # its information by the error that it leaves
+    return min(best, sharp, key=lambda one: cost(one, scanned))
 
 
 def _fit(scanned: Scanned, start: Solved, *, rounds: int, error: float) -> Fit:
