@@ -26,8 +26,8 @@ from taxelflow.estimation.template.linearization import Frame, Packed, frame_of,
 from taxelflow.estimation.template.map import Surface
 from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits, unexplained, unexplained_and_doubted
 from taxelflow.estimation.template.online.hand import PadScan
-from taxelflow.estimation.template.online.map_update import first_pattern
 from taxelflow.estimation.template.online.relocalization import relocalise
+from taxelflow.estimation.template.online.starting import FirstScan, first_pattern
 from taxelflow.estimation.template.online.track_state import Track
 from taxelflow.messages import LOST, OK, UNRESOLVED
 from taxelflow.numerics.centroid import LOADED
@@ -132,7 +132,8 @@ def test_a_known_pattern_is_not_recognised_where_it_explains_nothing() -> None:
         return PadScan(reading, variance, never, reading, places, np.zeros(count, np.bool_), np.zeros((4, count)))
 
     bump = scan_of(100.0 * np.exp(-0.5 * (places[0] ** 2 + places[1] ** 2)))
-    known = first_pattern(0.0, bump, still, np.ones(places.shape[1]), 0.05)
+    first = FirstScan(0.0, bump, bump, np.ones(len(still)), np.zeros(len(still), np.bool_), 0.05, still, np.zeros(2))
+    known = first_pattern(first)
     far = scan_of(np.where((places[0] == 9.0) & (np.abs(places[1]) < 1.5), 30.0, 0.0))
     assert relocalise(known, np.zeros(2), bump) is not None
     assert relocalise(known, np.zeros(2), far) is None

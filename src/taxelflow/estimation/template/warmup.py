@@ -9,8 +9,9 @@ import numpy as np
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.observations import Scanned
 from taxelflow.estimation.template.online.hand import PadScan
-from taxelflow.estimation.template.online.map_update import first_pattern, learn
+from taxelflow.estimation.template.online.map_update import learn
 from taxelflow.estimation.template.online.relocalization import relocalise
+from taxelflow.estimation.template.online.starting import FirstScan, first_pattern
 from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.cut import open_sides
 
@@ -29,8 +30,8 @@ def compile_stream() -> None:
     reading, edge = scanned.readings[0], np.zeros(36, np.bool_)
     readings, sides = (reading, scanned.variance[0], scanned.ceiling, reading), open_sides(scanned.places)
     part = PadScan(*readings, scanned.places, edge, sides)
-    gains = np.ones(len(part.reading))
-    learned = first_pattern(0.0, part, scanned.delay_s, gains, unseen_error=0.05)  # the load is a witness, too
+    # with an unseen error, so that the load is a witness, too
+    learned = first_pattern(FirstScan(0.0, part, part, np.ones(36), edge, 0.05, scanned.delay_s, np.zeros(2)))
     for k in range(1, len(scanned)):
         state = np.array([0.4 * k - 1.0, 0.0, 0.0, 1.0, 0.0])
         scan = scanned.t_s[k], scanned.readings[k], scanned.variance[k], np.zeros((3, 0)), state

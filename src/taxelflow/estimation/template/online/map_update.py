@@ -23,9 +23,9 @@ from taxelflow.estimation.template.hypotheses import (
 from taxelflow.estimation.template.initialization import SCHEDULE, IncrementalMapper, start_scan
 from taxelflow.estimation.template.likelihood import cost, touched
 from taxelflow.estimation.template.map import covering, fill
-from taxelflow.estimation.template.observations import COARSE, FINE, REFUTED, Scanned
+from taxelflow.estimation.template.observations import COARSE, FINE, REFUTED
 from taxelflow.estimation.template.online.gauge import align_gauge
-from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
+from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import SLACK, LocalMap
 from taxelflow.estimation.template.online.track_state import KEYFRAMES
 from taxelflow.estimation.template.tilt import without_tilt
@@ -36,34 +36,11 @@ from taxelflow.numerics.rounding import LINEAR_RAD
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.centre_of_pressure import Anchor
-    from taxelflow.estimation.template.online.hand import PadScan
+    from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.solution import Hidden, Solved
     from taxelflow.messages import Bools, Floats
 _STRANGE = 2.0
 """How many times what still fits a keyframe may be from the others."""
-
-
-def first_pattern(
-    t_s: float,
-    scan: PadScan,
-    delay_s: Floats,
-    gains: Floats,
-    unseen_error: float,
-    at: Floats | None = None,
-    alive: Bools | None = None,
-) -> LocalMap:
-    """A pattern from a single scan as it was read, its origin at the contact's centroid, or at the place `at` (2,).
-
-    gains: (taxels,). alive: (taxels,), those known to work.
-    """
-    one = (scan.reading[np.newaxis], scan.variance[np.newaxis], scan.ceiling, delay_s, unseen_error, alive)
-    scanned = Scanned.of(np.array([t_s]), scan.places, *one)
-    state = np.array([[*(scanned.centroids()[0] if at is None else at), 0.0, 1.0, 0.0]])
-    learned = learn(
-        LocalMap(covering(scanned, state), Keyframes(scanned, state, state), 1.0, gains, unseen_error=unseen_error)
-    )
-    learned.slack[0] += SLACK.cut * most_whole(learned.keyframes)[1]
-    return learned
 
 
 def learn(known: LocalMap) -> LocalMap:

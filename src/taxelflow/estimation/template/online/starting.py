@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from taxelflow.estimation.template.online.map_update import first_pattern
+import numpy as np
+
+from taxelflow.estimation.template.map import covering
+from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.online.keyframes import Keyframes, most_whole
+from taxelflow.estimation.template.online.local_map import SLACK, LocalMap
+from taxelflow.estimation.template.online.map_update import learn
 from taxelflow.estimation.template.online.relocalization import relocalise
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from taxelflow.estimation.template.online.hand import PadScan
-    from taxelflow.estimation.template.online.local_map import LocalMap
     from taxelflow.messages import Bools, Floats
 
 
@@ -53,6 +58,17 @@ def begun(first: FirstScan, library: Sequence[LocalMap]) -> Begun:
 
 def begun_anew(first: FirstScan, at: Floats | None) -> Begun:
     """A new pattern, with its origin at the place `at` (2,), else at the contact's centroid."""
-    gains, alive = first.gains, first.alive
-    learned = first_pattern(first.t_s, first.as_read, first.delay_s, gains, first.unseen_error, at, alive=alive)
+    learned = first_pattern(first, at)
     return Begun(learned, learned.keyframes.states[0], first.middle, again=False)
+
+
+def first_pattern(first: FirstScan, at: Floats | None = None) -> LocalMap:
+    """The pattern of `begun_anew`, from the scan as it was read."""
+    scan, unseen_error = first.as_read, first.unseen_error
+    one = scan.reading[np.newaxis], scan.variance[np.newaxis], scan.ceiling, first.delay_s, unseen_error, first.alive
+    scanned = Scanned.of(np.array([first.t_s]), scan.places, *one)
+    state = np.array([[*(scanned.centroids()[0] if at is None else at), 0.0, 1.0, 0.0]])
+    keyframes = Keyframes(scanned, state, state)
+    learned = learn(LocalMap(covering(scanned, state), keyframes, 1.0, first.gains, unseen_error=unseen_error))
+    learned.slack[0] += SLACK.cut * most_whole(keyframes)[1]
+    return learned
