@@ -137,20 +137,13 @@ class _Transitions(NamedTuple):
     ends: float
 
 
+@kernel
 def updated(shares: Floats, log_ratios: Floats, touching: Bools, step_s: float) -> Floats:
     """(3, pads), probabilities of the states after one more bin: rests where there is no contact.
 
     shares: those before it. log_ratios: (2, pads), of "tilts" and of "slides" against "rests"; NaN is no evidence.
     """
-    found = np.empty((3, len(touching)))
-    _update(shares, log_ratios, touching, step_s, found)
-    return found
-
-
-@kernel
-def _update(shares: Floats, log_ratios: Floats, touching: Bools, step_s: float, found: Floats) -> None:
-    """Fill found, see `updated`."""
-    to = _transitions(step_s)
+    found, to = np.empty((3, len(touching))), _transitions(step_s)
     for pad in range(len(touching)):
         rests, tilts, slides = shares[0, pad], shares[1, pad], shares[2, pad]
         found[0, pad] = to.same * rests + to.other * tilts + to.ends * slides
@@ -159,22 +152,16 @@ def _update(shares: Floats, log_ratios: Floats, touching: Bools, step_s: float, 
         total = found[0, pad] + found[1, pad] + found[2, pad]
         for state in range(3):
             found[state, pad] = found[state, pad] / total if touching[pad] else UNTOUCHED[state, 0]
+    return found
 
 
+@kernel
 def looked_back(later: Floats, log_ratios: Floats, touching: Bools, step_s: float) -> Floats:
     """(3, pads), factors on the states of a bin by all bins after it.
 
     later: those of the next bin, whose ratios and contact these are, step_s after.
     """
-    found = np.empty((3, len(touching)))
-    _look_back(later, log_ratios, touching, step_s, found)
-    return found
-
-
-@kernel
-def _look_back(later: Floats, log_ratios: Floats, touching: Bools, step_s: float, found: Floats) -> None:
-    """Fill found, see `looked_back`."""
-    to = _transitions(step_s)
+    found, to = np.empty((3, len(touching))), _transitions(step_s)
     for pad in range(len(touching)):
         rests = later[0, pad]
         tilts, slides = later[1, pad] * _factor(log_ratios[0, pad]), later[2, pad] * _factor(log_ratios[1, pad])
@@ -184,6 +171,7 @@ def _look_back(later: Floats, log_ratios: Floats, touching: Bools, step_s: float
         most = max(found[0, pad], found[1, pad], found[2, pad])
         for state in range(3):
             found[state, pad] = found[state, pad] / most if touching[pad] else 1.0
+    return found
 
 
 @inlined

@@ -190,19 +190,8 @@ class BatchSession:
         poses = poses if present.all() else poses.spread(present)
         if contact.before is not None:
             poses = aligned(poses, contact.before)
-        self.patterns.keep(
-            as_map(
-                layout.pads[pad],
-                moment.pattern,
-                moment.scanned,
-                moment.states,
-                poses.pose[present][moment.which[-1]],
-                error=solved.error,
-                pitch_m=pitch_m,
-                turns=moment.turns,
-                dead=dead,
-            )
-        )
+        pose = poses.pose[present][moment.which[-1]]
+        self.patterns.keep(as_map(layout.pads[pad], moment, pose, solved.error, pitch_m, dead))
         self._done.append(_Done(pad, contact.start, known, poses, held.t_s, present))
         return poses
 

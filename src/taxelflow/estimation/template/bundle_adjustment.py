@@ -151,18 +151,6 @@ class Linear:
             total += knots - float(back @ (pattern.smoothing * held + pattern.prior * sign))
         return total / probes
 
-    def to_knots(self, step: Floats) -> Floats:
-        """(knots,), effect of steps of the states (scans, 5) on the coefficients' equations."""
-        out = np.zeros(len(self.normal.right))
-        to_knots(step, self.normal, self.pattern.shape[1], out)
-        return out
-
-    def to_states(self, knots: Floats) -> Floats:
-        """(scans, 5), what steps of the coefficients (knots,) do to the states' equations."""
-        out = np.empty(self.normal.gradient.shape)
-        to_states(knots, self.normal, self.pattern.shape[1], out)
-        return out
-
 
 @dataclass(slots=True, eq=False)
 class _Best:
@@ -260,11 +248,11 @@ def _solve(factor: Factor, linear: Linear, damping: float) -> tuple[Floats, Floa
     inverse = np.linalg.inv(blocks)
     # Holds the mean step at 0, which pattern and poses leave open.
     frame = pose_part(blocks[:, diagonal, diagonal]).mean(axis=0)
-    shape = linear.normal.gradient.shape
+    normal, nx, shape = linear.normal, linear.pattern.shape[1], linear.normal.gradient.shape
 
     def reduced(vector: Floats) -> Floats:
         step = vector.reshape(shape)
-        result = np.einsum("kab,kb->ka", blocks, step) - linear.to_states(factor.solve(linear.to_knots(step)))
+        result = np.einsum("kab,kb->ka", blocks, step) - to_states(factor.solve(to_knots(step, normal, nx)), normal, nx)
         pose_part(result)[:] += frame * pose_part(step).mean(axis=0)
         flat: Floats = result.ravel()
         return flat
@@ -273,12 +261,12 @@ def _solve(factor: Factor, linear: Linear, damping: float) -> tuple[Floats, Floa
         result: Floats = np.einsum("kab,kb->ka", inverse, vector.reshape(shape)).ravel()
         return result
 
-    size = linear.normal.gradient.size
+    size = normal.gradient.size
     operator = LinearOperator((size, size), matvec=reduced, dtype=np.float64)
     guide = LinearOperator((size, size), matvec=precondition, dtype=np.float64)
-    target = (linear.normal.gradient - linear.to_states(factor.solve(linear.normal.right))).ravel()
+    target = (normal.gradient - to_states(factor.solve(normal.right), normal, nx)).ravel()
     solution, _ = cg(operator, target, rtol=_SOLVER.residual, maxiter=_SOLVER.iterations, M=guide)
     most = _MOST_STEP.copy()
     most[:2] *= linear.pattern.lattice[0]
     step = np.clip(solution.reshape(shape), -most, most)
-    return step, factor.solve(linear.normal.right - linear.to_knots(step))
+    return step, factor.solve(normal.right - to_knots(step, normal, nx))

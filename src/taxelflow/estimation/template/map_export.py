@@ -18,6 +18,7 @@ from taxelflow.numerics.geometry import rotation
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from taxelflow.estimation.template.deforming import Moment
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
@@ -55,27 +56,19 @@ class Maps(list[LearnedPattern]):
 
 
 def as_map(
-    pad: str,
-    pattern: Pattern,
-    scanned: Scanned,
-    states: Floats,
-    pose: Floats,
-    *,
-    error: float,
-    pitch_m: float,
-    turns: bool,
-    dead: NDArray[np.int64],
+    pad: str, shown: Moment, pose: Floats, error: float, pitch_m: float, dead: NDArray[np.int64]
 ) -> LearnedPattern | None:
-    """Map of a pattern learned from scans at states (scans, 5); None if they are too few to show more than a scan.
+    """Map of the pattern at a moment; None if its scans are too few to show more than a scan.
 
-    pose: (3,) that was given out for the last of the states, in m and rad.
+    pose: (3,) that was given out for the last of its states, in m and rad.
     """
+    scanned, states = shown.scanned, shown.states
     if len(states) < _LIMITS.fewest:
         return None
     with on_one_core():
-        x, y, pressure, std = mapped(pattern, scanned, states, pose / [pitch_m, pitch_m, 1.0], error)
+        x, y, pressure, std = mapped(shown.pattern, scanned, states, pose / [pitch_m, pitch_m, 1.0], error)
     times = float(scanned.t_s[0]), float(scanned.t_s[-1])
-    return LearnedPattern(pad, *times, len(states), pitch_m * x, pitch_m * y, pressure, std, turns, dead)
+    return LearnedPattern(pad, *times, len(states), pitch_m * x, pitch_m * y, pressure, std, shown.turns, dead)
 
 
 def mapped(

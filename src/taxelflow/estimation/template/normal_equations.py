@@ -150,19 +150,22 @@ def _weighted(w: Floats, one: Floats, other: Floats) -> float:
 
 
 @long_kernel
-def to_knots(step: Floats, normal: Normal, nx: int, out: Floats) -> None:
-    """Add to out (knots,) what steps of the states (scans, 5) do to the coefficients' equations."""
+def to_knots(step: Floats, normal: Normal, nx: int) -> Floats:
+    """(knots,), what steps of the states (scans, 5) do to the coefficients' equations."""
+    out = np.zeros(len(normal.right))
     for k in range(len(step)):
         x, y, theta, gain, size = state_of(step[k])
         for i in range(np.uint64(normal.start[k]), np.uint64(normal.start[k + 1])):
             own = state_of(normal.pull[i])
             pull = own.x * x + own.y * y + own.theta * theta + own.gain * gain + own.size * size
             add_around(pull, normal.weight[i], normal.first[i], nx, out)
+    return out
 
 
 @long_kernel
-def to_states(knots: Floats, normal: Normal, nx: int, out: Floats) -> None:
-    """Fill out (scans, 5) with what steps of the coefficients (knots,) do to the states' equations."""
+def to_states(knots: Floats, normal: Normal, nx: int) -> Floats:
+    """(scans, 5), what steps of the coefficients (knots,) do to the states' equations."""
+    out = np.empty(normal.gradient.shape)
     for k in range(len(out)):
         x = y = theta = gain = size = 0.0
         for i in range(np.uint64(normal.start[k]), np.uint64(normal.start[k + 1])):
@@ -170,3 +173,4 @@ def to_states(knots: Floats, normal: Normal, nx: int, out: Floats) -> None:
             x, y, theta = x + rise * own.x, y + rise * own.y, theta + rise * own.theta
             gain, size = gain + rise * own.gain, size + rise * own.size
         put(State(x, y, theta, gain, size), out[k])
+    return out

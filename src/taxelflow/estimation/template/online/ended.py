@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.deforming import Moment
 from taxelflow.estimation.template.map_export import Maps, as_map
 from taxelflow.estimation.template.online.witness import reported_place
 from taxelflow.numerics.bspline import state_of
@@ -34,18 +35,9 @@ def map_of(pad: str, known: LocalMap, m: Track, pitch_m: float) -> Work:
     """What makes the map of a contact on a pad that has ended."""
     states = known.keyframes.states
     theta = state_of(states[-1]).theta - (m.theta_0 if known.turns else 0.0)
-    return partial(
-        as_map,
-        pad,
-        known.pattern,
-        known.scanned,
-        states,
-        np.append(pitch_m * reported_place(m, states[-1]), theta),
-        error=known.error,
-        pitch_m=pitch_m,
-        turns=known.turns,
-        dead=np.zeros(0, np.int64),
-    )
+    pose = np.append(pitch_m * reported_place(m, states[-1]), theta)
+    whole = Moment(known.pattern, known.scanned, states, np.arange(len(states)), known.turns)
+    return partial(as_map, pad, whole, pose, known.error, pitch_m, np.zeros(0, np.int64))
 
 
 class Ended:
