@@ -11,7 +11,6 @@ import numpy as np
 
 from taxelflow.condition.stream_state import STEPS, StreamState
 from taxelflow.messages import Floats
-from taxelflow.numerics.median import median_of_first
 from taxelflow.numerics.ring import put
 from taxelflow.runtime.compiling import routine
 
@@ -72,7 +71,17 @@ def add_gap(step_s: float, stream: StreamState) -> None:
 
 @routine
 def _median(ring: Floats, written: int) -> float:
-    """Median of the recent steps; infinite while there are too few."""
+    """Median of the recent steps, by rank: quick to compile, and as fast as a sort; infinite while they are too few."""
     if written < GAP.steps:
         return np.inf
-    return median_of_first(ring, min(written, STEPS))
+    count, low, high = min(written, STEPS), np.nan, np.nan
+    for i in range(count):
+        below = same = 0
+        for j in range(count):
+            below += 1 if ring[j] < ring[i] else 0
+            same += 1 if ring[j] == ring[i] else 0
+        if below <= (count - 1) // 2 < below + same:
+            low = ring[i]
+        if below <= count // 2 < below + same:
+            high = ring[i]
+    return 0.5 * (low + high)

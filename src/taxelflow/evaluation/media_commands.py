@@ -182,13 +182,17 @@ class View:
     def _serve_source(
         self, source: Source, server: PageServer, method: str, asked: Event, started: Callable[[], None]
     ) -> None:
-        from taxelflow.evaluation.view_live import view_source
+        from taxelflow.pipeline.live.api import Live
+        from taxelflow.pipeline.live.loop import Limits, run_live
+        from taxelflow.pipeline.live.view import LiveView
 
         started()
         signal.signal(signal.SIGINT, signal.default_int_handler)
         with suppress(KeyboardInterrupt):
             if not asked.is_set():
-                view_source(source, self.shown, method, self.contacts, server)
+                live = Live(source.recording, method, contacts=self.contacts)
+                sink = LiveView(live, f"{self.shown}, {method}", server)
+                run_live(source, {"view": sink}, live, Limits(), method, sink.watch)
 
     def _source(self) -> Source:
         from taxelflow.acquire.devices.foreign import source_of

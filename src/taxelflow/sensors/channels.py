@@ -135,7 +135,7 @@ def _places_of(pad: Pad) -> Indices:
     sent = number.reshape(pad.rows, pad.cols) if pad.order == "row-major" else number.reshape(pad.cols, pad.rows).T
     sent = sent[::-1] if pad.first.startswith("bottom") else sent
     sent = sent[:, ::-1] if pad.first.endswith("right") else sent
-    own = sent[present_taxels(pad)]
+    own = sent[present_taxels(pad.rows, pad.cols, pad.missing)]
     if pad.channels is not None and pad.channels > pad.count:
         return own  # the source also sends a number for each missing taxel
     rank: Indices = np.argsort(np.argsort(own))

@@ -20,6 +20,8 @@ from taxelflow.sensors import triangulation
 from taxelflow.sensors.flattening import flatten
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from taxelflow.sensors.pads import Pad, Patch
 
 Indices = NDArray[np.int64]
@@ -76,7 +78,7 @@ def geometry_of(pad: Pad) -> PadGeometry:
 def _of_grid(pad: Pad) -> PadGeometry:
     if pad.pitch_m is None:
         raise ValueError("a grid needs its pitch")
-    row, col = np.nonzero(present_taxels(pad))
+    row, col = np.nonzero(present_taxels(pad.rows, pad.cols, pad.missing))
     x = (col - (pad.cols - 1) / 2) * pad.pitch_m[0]
     y = ((pad.rows - 1) / 2 - row) * pad.pitch_m[1]
     xy = np.stack([x, y], axis=1)
@@ -114,10 +116,10 @@ def _areas(pad: Pad, pitch_m: tuple[float, float]) -> Floats:
     return np.broadcast_to(np.asarray(area, dtype=np.float64), pad.count)
 
 
-def present_taxels(pad: Pad) -> Bools:
+def present_taxels(rows: int, cols: int, missing: Iterable[tuple[int, int]]) -> Bools:
     """(rows, cols) of a grid, True where it has a taxel."""
-    present = np.ones((pad.rows, pad.cols), dtype=np.bool_)
-    for row, col in pad.missing:
+    present = np.ones((rows, cols), dtype=np.bool_)
+    for row, col in missing:
         present[row, col] = False
     return present
 
@@ -128,7 +130,7 @@ def patch_taxels(patch: Patch, pad: Pad) -> Indices:
         return np.array(patch.taxels, dtype=np.int64)
     if pad.is_table:
         return np.arange(pad.count)
-    row, col = np.nonzero(present_taxels(pad))
+    row, col = np.nonzero(present_taxels(pad.rows, pad.cols, pad.missing))
     rows, cols = patch.rows or (0, pad.rows - 1), patch.cols or (0, pad.cols - 1)
     inside = (row >= rows[0]) & (row <= rows[1]) & (col >= cols[0]) & (col <= cols[1])
     return np.flatnonzero(inside)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.acquire.devices.base import Faults
-from taxelflow.acquire.devices.frames import crc_table
+from taxelflow.acquire.devices.frames import crc16, crc_table
 from taxelflow.acquire.devices.serial import BAUD, SerialLine
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, is_timed
 from taxelflow.acquire.devices.wrapping import WrappingClock
@@ -61,18 +61,10 @@ _RATE = 30
 """Default scan rate, Hz."""
 
 
-def checksum(content: bytes, table: list[int]) -> int:
-    """CRC-16 over number, length and payload, from FFFF."""
-    crc = 0xFFFF
-    for byte in content:
-        crc = crc >> 8 ^ table[(crc ^ byte) & 0xFF]
-    return crc
-
-
 def frame(number: int, payload: bytes, table: list[int]) -> bytes:
-    """A frame; without payload it has no checksum."""
+    """A frame, with a checksum over number, length and payload; without payload it has none."""
     content = struct.pack("<BH", number, len(payload)) + payload
-    return PREAMBLE + content + (struct.pack("<H", checksum(content, table)) if payload else b"")
+    return PREAMBLE + content + (struct.pack("<H", crc16(content, table)) if payload else b"")
 
 
 def cells_of(layout: Layout) -> tuple[Indices, int]:
@@ -142,7 +134,7 @@ class DsaParser:
                 return None
             payload = bytes(buffer[6 : 6 + size])
             check = int.from_bytes(buffer[6 + size : whole], "little")
-            if size and checksum(bytes(buffer[3 : 6 + size]), self._table) != check:
+            if size and crc16(bytes(buffer[3 : 6 + size]), self._table) != check:
                 self._faults.count("wrong checksum", f"{check:04x}")
                 del buffer[:1]
                 continue

@@ -35,11 +35,11 @@ _CLOCKS = {
 }
 
 
-def _modbus(content: bytes) -> int:
-    """CRC-16 with the reversed polynomial A001, start FFFF."""
+def crc16(content: bytes, table: list[int]) -> int:
+    """CRC-16 from FFFF, by `crc_table`."""
     crc = 0xFFFF
     for byte in content:
-        crc = crc >> 8 ^ _MODBUS[(crc ^ byte) & 0xFF]
+        crc = crc >> 8 ^ table[(crc ^ byte) & 0xFF]
     return crc
 
 
@@ -61,7 +61,7 @@ _CHECKSUMS: dict[str, tuple[int, Callable[[bytes], int]]] = {
     "sum8": (1, lambda content: sum(content) & 0xFF),
     "xor8": (1, lambda content: reduce(xor, content, 0)),
     "sum16": (2, lambda content: sum(content) & 0xFFFF),
-    "crc16-modbus": (2, _modbus),
+    "crc16-modbus": (2, lambda content: crc16(content, _MODBUS)),
     "crc16-ccitt": (2, lambda content: binascii.crc_hqx(content, 0xFFFF)),
     "crc32": (4, binascii.crc32),
 }

@@ -14,6 +14,7 @@ import numpy as np
 
 from taxelflow.messages import Bools, Floats
 from taxelflow.runtime.checks import at_least, not_negative, positive
+from taxelflow.sensors.pad_geometry import present_taxels
 
 
 @dataclass(frozen=True)
@@ -75,10 +76,7 @@ class Skin:
 @cache
 def _present(skin: Skin) -> Bools:
     """(rows, cols), whether there is a taxel."""
-    present = np.ones((skin.rows, skin.cols), dtype=np.bool_)
-    for row, col in skin.missing:
-        present[row, col] = False
-    return present
+    return present_taxels(skin.rows, skin.cols, skin.missing)
 
 
 @cache
