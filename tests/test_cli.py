@@ -342,28 +342,27 @@ def test_a_wrong_taxel_count(tmp_path: Path, capsys: Capture) -> None:
     assert "162" in line
 
 
+def refused_sensor(capsys: Capture, folder: Path, command: str, sensor: str) -> str:
+    file = save_npz(folder / "a.npz")
+    arguments: dict[str, list[object]] = {
+        "estimate": ["estimate", file, "--out", folder / "out", "--sensor", sensor],
+        "info": ["info", file, "--sensor", sensor],
+        "sensors": ["sensors", sensor],
+    }
+    return refused(capsys, *arguments[command])
+
+
 @pytest.mark.parametrize("command", ["estimate", "info", "sensors"])
 def test_an_unknown_sensor_with_the_list(tmp_path: Path, capsys: Capture, command: str) -> None:
-    file = save_npz(tmp_path / "a.npz")
-    arguments: dict[str, list[object]] = {
-        "estimate": ["estimate", file, "--out", tmp_path / "out", "--sensor", "barret"],
-        "info": ["info", file, "--sensor", "barret"],
-        "sensors": ["sensors", "barret"],
-    }
-    line = refused(capsys, *arguments[command])
+    line = refused_sensor(capsys, tmp_path, command, "barret")
     assert "'barret'" in line
     assert "barretthand-162, barretthand-bh280-96, grid-16x16, hexagon-61, icub-" in line
 
 
 @pytest.mark.parametrize("command", ["estimate", "info", "sensors"])
 def test_a_sensor_file_that_is_not_there(tmp_path: Path, capsys: Capture, command: str) -> None:
-    file = save_npz(tmp_path / "a.npz")
-    arguments: dict[str, list[object]] = {
-        "estimate": ["estimate", file, "--out", tmp_path / "out", "--sensor", "nothere.toml"],
-        "info": ["info", file, "--sensor", "nothere.toml"],
-        "sensors": ["sensors", "nothere.toml"],
-    }
-    assert "sensor file nothere.toml: path: there is no such file" in refused(capsys, *arguments[command])
+    line = refused_sensor(capsys, tmp_path, command, "nothere.toml")
+    assert "sensor file nothere.toml: path: there is no such file" in line
 
 
 def test_an_unknown_method_with_the_list(tmp_path: Path, capsys: Capture) -> None:

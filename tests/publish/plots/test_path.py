@@ -10,27 +10,18 @@ from costly import mostly_long
 from rigged import track
 from synthetic import grid_sensor
 from taxelflow.publish.plots.path import path_figure
-from taxelflow.publish.plots.style import save, styled
+from taxelflow.publish.plots.style import save
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from matplotlib.axes import Axes
 
     from taxelflow.publish.results import Track
 
+pytestmark = pytest.mark.usefixtures("style")
 LAYOUT = grid_sensor(4, 7, pads=3, missing=((0, 0), (3, 6))).layout
 X = np.linspace(-0.02, 0.02, 30)
-
-
-@pytest.fixture(autouse=True)
-def style() -> Iterator[None]:
-    import matplotlib.pyplot as plt
-
-    with styled():
-        yield
-    plt.close("all")
 
 
 def dots(axis: Axes) -> PathCollection:

@@ -11,28 +11,19 @@ from costly import mostly_long
 from rigged import track
 from taxelflow.messages import Event
 from taxelflow.publish.plots.position import position_figure
-from taxelflow.publish.plots.style import LOOK, save, styled
+from taxelflow.publish.plots.style import LOOK, save
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from matplotlib.figure import Figure
 
     from taxelflow.messages import Floats
 
+pytestmark = pytest.mark.usefixtures("style")
 T = np.arange(40) / 10
 THERE = 0.02 * T - 0.04  # 20 mm/s
 STILL = np.zeros(40)
-
-
-@pytest.fixture(autouse=True)
-def style() -> Iterator[None]:
-    import matplotlib.pyplot as plt
-
-    with styled():
-        yield
-    plt.close("all")
 
 
 def legend(figure: Figure) -> list[str]:

@@ -14,8 +14,6 @@ from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -30,12 +28,7 @@ from taxelflow.publish.plots.outlines import outlines
 from taxelflow.publish.plots.packing import packed
 from taxelflow.publish.plots.sensor import sensor_figure
 
-
-@pytest.fixture(autouse=True)
-def style() -> Iterator[None]:
-    with styled():
-        yield
-    plt.close("all")
+pytestmark = pytest.mark.usefixtures("style")
 
 
 def taxels(figure: Figure) -> int:

@@ -5,28 +5,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from taxelflow.publish.plots.style import styled
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.hand import JointsInvalid
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from matplotlib.axes import Axes
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("mujoco")
 
-import matplotlib.pyplot as plt
-
 from taxelflow.publish.plots.space import SpaceField, in_space, space_figure
 
-
-@pytest.fixture(autouse=True)
-def style() -> Iterator[None]:
-    with styled():
-        yield
-    plt.close("all")
+pytestmark = pytest.mark.usefixtures("style")
 
 
 def words(axis: Axes) -> set[str]:

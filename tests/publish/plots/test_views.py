@@ -8,27 +8,18 @@ from matplotlib.colors import same_color
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from taxelflow.estimation.centroid.paper_reference import convolution_matrix
-from taxelflow.publish.plots.style import save, styled
+from taxelflow.publish.plots.style import save
 from taxelflow.publish.plots.views import views_figure
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from matplotlib.figure import Figure
 
     from taxelflow.messages import Floats
 
+pytestmark = pytest.mark.usefixtures("style")
 PRESSURE = np.array([[np.nan, 1.0, 2.0, np.nan], [0.5, 3.0, 7.0, 1.0], [0.0, -0.2, 1.0, np.nan]])
-
-
-@pytest.fixture(autouse=True)
-def style() -> Iterator[None]:
-    import matplotlib.pyplot as plt
-
-    with styled():
-        yield
-    plt.close("all")
 
 
 def views(pressure: Floats = PRESSURE, slip_mm: tuple[float, float] = (3.0, 4.0)) -> Figure:
