@@ -119,6 +119,27 @@ def unknown_slips(scans: Scans) -> Slips:
     return Slips.of(footprint, Estimates.unknown(scans))
 
 
+def seen_slips(t_s: Floats, pose: Floats, displacement: Floats, covariance: Floats) -> Slips:
+    """Slips of pads that are all in contact and `ok`, from poses and displacements (scans, pads, 3), the covariance of
+    the poses, and twice that of the displacements.
+    """
+    scans, pads = pose.shape[:2]
+    return Slips(
+        t_s=t_s,
+        contact=np.ones((scans, pads), dtype=np.bool_),
+        border=np.zeros((scans, pads, 2), dtype=np.bool_),
+        displacement=displacement,
+        pose=pose,
+        covariance=covariance,
+        displacement_covariance=2 * covariance,
+        span_s=np.full((scans, pads), t_s[1] - t_s[0]),
+        lag_s=np.zeros((scans, pads)),
+        load=np.ones((scans, pads)),
+        disturbance=np.full((scans, pads), np.nan),
+        quality=np.ones((scans, pads), np.uint8),
+    )
+
+
 def conditioned(
     values: Any,
     sensor: Sensor,

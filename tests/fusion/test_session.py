@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from synthetic import assert_same
+from synthetic import assert_same, seen_slips
 from taxelflow.errors import ParameterInvalid
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.messages import AMBIGUOUS, Floats, Motions, Slips, cut, joined
@@ -47,20 +47,7 @@ def slips_of(sensor: Sensor, poses: Floats, points: Floats, *, dt: float = 0.01,
     displacement[1:, :, :2] = np.diff(seen, axis=0)
     covariance = np.full((scans, pads, 3, 3), np.nan)
     covariance[..., :2, :2] = std_m**2 * np.eye(2)
-    return Slips(
-        t_s=dt * np.arange(scans),
-        contact=np.ones((scans, pads), dtype=np.bool_),
-        border=np.zeros((scans, pads, 2), dtype=np.bool_),
-        displacement=displacement,
-        pose=pose,
-        covariance=covariance,
-        displacement_covariance=2 * covariance,
-        span_s=np.full((scans, pads), dt),
-        lag_s=np.zeros((scans, pads)),
-        load=np.ones((scans, pads)),
-        disturbance=np.full((scans, pads), np.nan),
-        quality=np.ones((scans, pads), np.uint8),
-    )
+    return seen_slips(dt * np.arange(scans), pose, displacement, covariance)
 
 
 def fused(sensor: Sensor, *blocks: Slips) -> Motions:

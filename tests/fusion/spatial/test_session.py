@@ -5,9 +5,10 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from compiled import compiled
-from synthetic import assert_same
+from synthetic import assert_same, seen_slips
 from taxelflow.errors import ParameterInvalid
 from taxelflow.fusion.parameters import RigidField
 from taxelflow.fusion.spatial.parameters import SpatialField
@@ -34,30 +35,11 @@ def around(count: int, radius_m: float = 0.04) -> tuple[tuple[float, ...], ...]:
     """Pads on a cylinder about z, at two heights, that face its axis."""
     poses = []
     for k in range(count):
-        a = 2 * np.pi * k / count + 0.3 * (k % 2)
-        x, y, z = (
-            np.array([-np.sin(a), np.cos(a), 0.0]),
-            np.array([0.0, 0.0, 1.0]),
-            np.array([np.cos(a), np.sin(a), 0.0]),
-        )
-        R = (
-            np.column_stack([x, y, -z])
-            if np.linalg.det(np.column_stack([x, y, -z])) > 0
-            else np.column_stack([-x, y, -z])
-        )
-        w = np.sqrt(max(0.0, 1 + np.trace(R))) / 2
-        v = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-        q = np.array([*v / (4 * w), w]) if w > 1e-3 else _half_turn(R)
-        poses.append((*(radius_m * z + [0.0, 0.0, 0.1 + 0.02 * (k % 2)]), *q))
-    return tuple(tuple(float(n) for n in pose) for pose in poses)
-
-
-def _half_turn(R: Floats) -> Floats:
-    axis = np.sqrt(np.maximum((np.diag(R) + 1) / 2, 0))
-    k = int(np.argmax(axis))
-    signs = np.sign(R[k])
-    signs[k] = 1
-    return np.array([*axis * signs, 0.0])
+        a, height = 2 * np.pi * k / count + 0.3 * (k % 2), 0.02 * (k % 2)
+        out = np.array([np.cos(a), np.sin(a), 0.0])
+        axes = Rotation.from_matrix(np.column_stack([[np.sin(a), -np.cos(a), 0.0], [0.0, 0.0, 1.0], -out]))
+        poses.append((*(radius_m * out + [0.0, 0.0, 0.1 + height]).tolist(), *axes.as_quat().tolist()))
+    return tuple(poses)
 
 
 def hand(poses: tuple[tuple[float, ...], ...], *, flat: bool = False) -> Sensor:
@@ -92,20 +74,7 @@ def slips_of(sensor: Sensor, X: Floats, *, spins: bool = True, std_m: float = 1e
         covariance[:] = np.diag([std_m**2, std_m**2, std_rad**2])
     displacement = np.full_like(pose, np.nan)
     displacement[1:] = np.diff(pose, axis=0)
-    return Slips(
-        t_s=DT * np.arange(scans),
-        contact=np.ones((scans, pads), dtype=np.bool_),
-        border=np.zeros((scans, pads, 2), dtype=np.bool_),
-        displacement=displacement,
-        pose=pose,
-        covariance=covariance,
-        displacement_covariance=2 * covariance,
-        span_s=np.full((scans, pads), DT),
-        lag_s=np.zeros((scans, pads)),
-        load=np.ones((scans, pads)),
-        disturbance=np.full((scans, pads), np.nan),
-        quality=np.ones((scans, pads), np.uint8),
-    )
+    return seen_slips(DT * np.arange(scans), pose, displacement, covariance)
 
 
 def fused(sensor: Sensor, *blocks: Slips, **asked: float) -> SpatialMotions:
