@@ -43,7 +43,7 @@ def moving(adopting: Adopting, scans: int, **known: Any) -> tuple[Learner, Mappe
     learner.learned = learned(1, **known)
     for scan in range(scans):
         t_s = 0.01 * scan
-        learner.learn_from(t_s, *(np.zeros(1),) * 2, np.zeros((3, 1)), np.zeros(5))
+        learner.waiting.add(t_s, *(np.zeros(1),) * 2, np.zeros((3, 1)), np.zeros(5))
         learner.go_on(t_s, used.append, may_turn=False)
     return learner, mapper, used
 
@@ -69,7 +69,7 @@ def test_scans_that_were_learned_wait_no_longer_and_later_requests_go_on() -> No
     learner, mapper, used = moving(Late(0.1), 13)  # asked for with 1, 4, 7 and 11 scans
     mapper.asked[1][1].set_result(learned(5))
     learner.lane.adopt(0.135)
-    assert (len(used), learner.lane.busy, len(learner._waiting)) == (1, True, 9)
+    assert (len(used), learner.lane.busy, len(learner.waiting)) == (1, True, 9)
     assert mapper.asked[0][1].cancelled()
     assert not mapper.asked[2][1].cancelled()
 
@@ -108,7 +108,7 @@ def test_a_replay_uses_the_request_that_the_loop_used() -> None:
 
 def test_scans_that_wait_move_with_the_newest_keyframe_of_a_new_pattern() -> None:
     learner, _, _ = moving(Late(0.1), 13)
-    learner._waiting.all.states[:] = 1.0, 2.0, 0.0, 2.0, 0.0
+    learner.waiting.all.states[:] = 1.0, 2.0, 0.0, 2.0, 0.0
     learner._newest = np.array([1.0, 2.0, 0.0, 2.0, 0.0])
     keyframes = SimpleNamespace(states=np.array([[3.0, 1.0, 0.5, 1.0, 0.0]]))
     state = np.array([1.5, 2.0, 0.0, 3.0, 0.0])
@@ -117,7 +117,7 @@ def test_scans_that_wait_move_with_the_newest_keyframe_of_a_new_pattern() -> Non
     np.testing.assert_allclose(learner.shifted(turns, state), [2.0, -1.0, 0.5])
     np.testing.assert_allclose(state, [1.5, 2.0, 0.0, 1.5, 0.0])  # the last scan has to be registered there
     learner.shift_waiting(np.array([2.0, -1.0, 0.5, 9.0, 9.0]))
-    np.testing.assert_allclose(learner._waiting.all.states, [[3.0, 1.0, 0.5, 2.0, 0.0]] * 13)
+    np.testing.assert_allclose(learner.waiting.all.states, [[3.0, 1.0, 0.5, 2.0, 0.0]] * 13)
 
 
 def test_scans_that_were_asked_for_stay_where_they_were_when_those_that_wait_move() -> None:
@@ -125,7 +125,7 @@ def test_scans_that_were_asked_for_stay_where_they_were_when_those_that_wait_mov
     learner, mapper, _ = moving(WhenReady(), 4)
     learner.shift_waiting(np.ones(5))
     np.testing.assert_array_equal(mapper.states[-1], np.zeros((4, 5)))
-    np.testing.assert_array_equal(learner._waiting.all.states[:, :3], np.ones((4, 3)))
+    np.testing.assert_array_equal(learner.waiting.all.states[:, :3], np.ones((4, 3)))
 
 
 def test_any_number_of_scans_may_wait() -> None:

@@ -82,7 +82,7 @@ class LocalMaps:
             return
         late, state = self._late(pad), tracks["state"][pad]
         bend = np.outer(tracks["speed"][pad], late if late.any() else ())  # as in `Scanned.of`, pad by pad
-        own.learn_from(scan.t, scan.reading[taxels], scan.variance[taxels], bend, state)
+        own.waiting.add(scan.t, scan.reading[taxels], scan.variance[taxels], bend, state)
         held = int(tracks["keyframes"][pad])
         if held < KEYFRAMES.most:
             tracks["keyframe"][pad, held] = state

@@ -43,7 +43,8 @@ class Learner:
     """A pad's map, its former maps, and keyframe candidates.
 
     learned: the map that scans are registered to. library: former maps. reported: where its keyframes were reported.
-    lane: what is being computed. beginning: whether that is the first map of a contact.
+    waiting: what the map in use was not learned from. lane: what is being computed. beginning: whether that is the
+    first map of a contact.
     """
 
     def __init__(self, pad: str, workers: Workers, latency_s: float, adopting: Adopting) -> None:
@@ -52,28 +53,24 @@ class Learner:
         self.lane = Lane(pad, adopting)
         self.reported = Reported()
         self.beginning = False
+        self.waiting = Waiting()
         self._workers, self._latency_s = workers, latency_s
-        self._waiting = Waiting()  # not learned from by the pattern in use
         self._asked = 0  # of these, how many the newest request has
         self._newest: Floats | None = None
-
-    def learn_from(self, t_s: float, reading: Floats, variance: Floats, bend: Floats, state: Floats) -> None:
-        """One more, when what is being learned has been adopted; see `Waiting.add`."""
-        self._waiting.add(t_s, reading, variance, bend, state)
 
     def go_on(self, now_s: float, put: Callable[[LocalMap], None], *, may_turn: bool) -> None:
         """Begin to learn from what waits, if nothing is being learned; ask again for what is overdue. put: adopts it.
 
         While it is overdue more scans come. A map that is learned from them as well is later, and far better.
         """
-        known, waiting = self.learned, len(self._waiting)
+        known, waiting = self.learned, len(self.waiting)
         if known is None or not waiting:
             return
         if self.lane.busy and (now_s <= self.lane.planned_s or known.grows or known.changing or self.beginning):
             return
         if self.lane.busy and len(known.keyframes) + waiting < KEYFRAMES.more * (len(known.keyframes) + self._asked):
             return
-        fresh, until, self._asked = Candidates(*map(np.copy, self._waiting.all)), self._waiting.left + waiting, waiting
+        fresh, until, self._asked = Candidates(*map(np.copy, self.waiting.all)), self.waiting.left + waiting, waiting
         known = replace(known, fresh=waiting, looked=0 if may_turn and not known.turns else known.looked)
         share = _YOUNG_LATENCY if len(known.keyframes) + waiting < KEYFRAMES.young else 1.0
         begun_s = max(float(fresh.t_s[-1]), now_s)
@@ -86,7 +83,7 @@ class Learner:
         newest: (5,), registered state of the last of them.
         """
         before, self._newest = self.learned, newest
-        self._asked = max(self._asked - self._waiting.leave(until), 0)
+        self._asked = max(self._asked - self.waiting.leave(until), 0)
         if before is None or new.turns or new.grows or new.changing or before.turns:
             self.lane.drop()
         if not self.lane.busy:
@@ -117,7 +114,7 @@ class Learner:
 
     def forget_waiting(self) -> None:
         """Leave out the scans on their way to become keyframes."""
-        self._waiting.leave(self._waiting.left + len(self._waiting))
+        self.waiting.leave(self.waiting.left + len(self.waiting))
         self._asked = 0
 
     def end(self, arm: Floats) -> None:
@@ -137,7 +134,7 @@ class Learner:
         now, before = state_of(last), state_of(self._newest)
         step = np.array(State(now.x - before.x, now.y - before.y, 0.0, 0.0, now.size - before.size))
         times = np.array(State(1.0, 1.0, 1.0, now.gain / before.gain, 1.0))
-        for one in (state, self._waiting.all.states):
+        for one in (state, self.waiting.all.states):
             one[:] = (one + step) * times
 
     def shifted(self, new: LocalMap, state: Floats) -> Floats:
@@ -151,7 +148,7 @@ class Learner:
 
     def shift_waiting(self, step: Floats) -> None:
         """Move the scans that wait as the last scan was moved, (5,), when it was registered on a new pattern."""
-        self._waiting.all.states[:, :3] += step[:3]
+        self.waiting.all.states[:, :3] += step[:3]
 
 
 def learn_from(known: LocalMap, fresh: Candidates) -> LocalMap:
