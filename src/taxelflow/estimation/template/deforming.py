@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.hypotheses import FIRST_GAIN_STD
 from taxelflow.estimation.template.initialization import IncrementalMapper
 from taxelflow.estimation.template.levenberg_marquardt import HELD
 from taxelflow.estimation.template.observability import observability
@@ -96,7 +95,7 @@ def _moment(scanned: Scanned, states: Floats, scan: int, *, turns: bool) -> Mome
     """The pattern of a scan and those before it."""
     which = np.arange(max(scan - ODOMETRY.memory, 0), scan + 1)
     few = scanned.taken(which)
-    mapper = _mapper(few)
+    mapper = IncrementalMapper(few, 0, turns=True)
     mapper.states[:] = states[which]
     mapper.keep_last(len(few), len(few))
     return Moment(mapper.pattern, few, states[which], which, turns)
@@ -104,7 +103,7 @@ def _moment(scanned: Scanned, states: Floats, scan: int, *, turns: bool) -> Mome
 
 def _chain(scanned: Scanned) -> tuple[Floats, Floats, Floats, float]:
     """States (scans, 5), their information (scans, 5, 5), chi-square per reading (scans,), observability of theta."""
-    mapper = _mapper(scanned)
+    mapper = IncrementalMapper(scanned, 0, turns=True)
     steps, misfit, observed = np.zeros((len(scanned), STATE, STATE)), np.zeros(len(scanned)), [0.0]
     every = max(ODOMETRY.memory, len(scanned) // ODOMETRY.samples)
     for k in range(1, len(scanned)):
@@ -115,8 +114,3 @@ def _chain(scanned: Scanned) -> tuple[Floats, Floats, Floats, float]:
             observed.append(observability(mapper.pattern, scanned, mapper.states, factor, k, COARSE))
     steps[0] = steps[1] if len(scanned) > 1 else HELD * np.eye(STATE)
     return mapper.states, steps, misfit, float(np.quantile(observed, LARGEST))
-
-
-def _mapper(scanned: Scanned) -> IncrementalMapper:
-    precision = scanned.precision(turns=True, gain_std=FIRST_GAIN_STD)
-    return IncrementalMapper(scanned, 0, precision)

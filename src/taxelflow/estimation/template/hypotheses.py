@@ -10,7 +10,7 @@ import numpy as np
 
 from taxelflow.estimation.template.bundle_adjustment import Fit, refine
 from taxelflow.estimation.template.depth import DEPTH_STD, as_heights, take_depth, with_depth
-from taxelflow.estimation.template.initialization import IncrementalMapper, centred, start_scan
+from taxelflow.estimation.template.initialization import FIRST_GAIN_STD, IncrementalMapper, centred, start_scan
 from taxelflow.estimation.template.likelihood import FEWEST, cost, learned_error, touched
 from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE, REFUTED
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
 
-FIRST_GAIN_STD = 0.3
-"""Prior standard deviation of the gains in a coarse fit."""
 _FIRST_ROUNDS, _ROUNDS = 4, (3, 3)
 """Rounds of a coarse fit, and of each fit of a refinement. More rounds fit errors of real skins, not the object."""
 ENOUGH_SCANS = 8
@@ -190,7 +188,7 @@ def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
     """Coarse fits from several starts: states tracked from scan to scan, and with the centroid; of few scans, at a
     steady velocity, too.
     """
-    mapper = IncrementalMapper(scanned, start_scan(scanned), scanned.precision(turns=turns, gain_std=FIRST_GAIN_STD))
+    mapper = IncrementalMapper(scanned, start_scan(scanned), turns=turns)
     mapper.register_all()
     starts = [mapper.states, centred(scanned, mapper.states)]
     if _starts_differ(scanned):

@@ -40,14 +40,19 @@ class _Schedule(NamedTuple):
 
 
 SCHEDULE = _Schedule()
+FIRST_GAIN_STD = 0.3
+"""Prior standard deviation of the gains in a coarse fit."""
 
 
 class IncrementalMapper:
-    """Incremental estimate of the poses of a contact's scans, and of its pattern."""
+    """Incremental estimate of the poses of a contact's scans, and of its pattern.
 
-    def __init__(self, scanned: Scanned, start: int, precision: Floats) -> None:
-        """precision: (5,) of each state, as for `refine`, and from scan to scan; infinite where it is fixed."""
-        self.scanned, self.start, self.precision = scanned, start, precision
+    precision: (5,), see `Scanned.precision`, of each state, and from scan to scan.
+    """
+
+    def __init__(self, scanned: Scanned, start: int, *, turns: bool) -> None:
+        self.scanned, self.start = scanned, start
+        self.precision = scanned.precision(turns=turns, gain_std=FIRST_GAIN_STD)
         self._readings = scanned.with_error(COARSE)
         self._error = COARSE * scanned.amplitude
         self._loaded, self._centroid = scanned.loaded(), scanned.centroids()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from taxelflow.estimation.template.hypotheses import FIRST_GAIN_STD
+from taxelflow.estimation.template.initialization import FIRST_GAIN_STD
 from taxelflow.estimation.template.observations import COARSE, strength
 from taxelflow.estimation.template.online.track_state import FAINT
 from taxelflow.estimation.template.solution import ALL_SHOWN

@@ -13,14 +13,8 @@ from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.deforming import ODOMETRY
 from taxelflow.estimation.template.extrapolation import extrapolate
 from taxelflow.estimation.template.hidden_motion import shown_at_rest
-from taxelflow.estimation.template.hypotheses import (
-    ENOUGH_SCANS,
-    FIRST_GAIN_STD,
-    coarse,
-    refined,
-    state_precision,
-)
-from taxelflow.estimation.template.initialization import SCHEDULE, IncrementalMapper, start_scan
+from taxelflow.estimation.template.hypotheses import ENOUGH_SCANS, coarse, refined, state_precision
+from taxelflow.estimation.template.initialization import FIRST_GAIN_STD, SCHEDULE, IncrementalMapper, start_scan
 from taxelflow.estimation.template.likelihood import cost, touched
 from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE, REFUTED
@@ -236,7 +230,7 @@ def _again(known: LocalMap, scanned: Scanned, states: Floats) -> Solved:
 def _retraced(scanned: Scanned, *, turns: bool) -> Floats:
     """States (n, 5) of keyframes, one registered after the other as in a batch."""
     own = scanned.taken(np.arange(len(scanned)))
-    mapper = IncrementalMapper(own, start_scan(own), own.precision(turns=turns, gain_std=FIRST_GAIN_STD))
+    mapper = IncrementalMapper(own, start_scan(own), turns=turns)
     mapper.register_all()
     return mapper.states
 
