@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from synthetic import METHODS, assert_same, grid_sensor, pieces, scans_of, slips_by
@@ -150,12 +150,13 @@ def test_a_load_that_changes_over_an_empty_background_moves_nothing(
     np.testing.assert_allclose(slips.displacement[slips.valid][..., :2], 0, rtol=0, atol=1e-12)
 
 
-@both_methods
+@pytest.mark.parametrize("method", [*METHODS, "sum"])
 @given(
     seed=st.integers(0, 2**32 - 1),
     cuts=st.lists(st.integers(0, 30), max_size=12),
     modes=st.tuples(*[st.sampled_from(["batch", "stream"])] * 2),
 )
+@example(seed=2, cuts=[*range(30)], modes=("batch", "stream"))
 def test_modes_and_blocks_give_the_same_bits(method: str, seed: int, cuts: list[int], modes: tuple[str, str]) -> None:
     random = np.random.default_rng(seed)
     sensor = grid_sensor(3, 4, pads=3)

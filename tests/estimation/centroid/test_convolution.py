@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from costly import mostly_long
-from synthetic import assert_same, dome, grid_sensor, pieces, scans_of, slips_by
+from synthetic import dome, grid_sensor, scans_of, slips_by
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.centroid.convolution import Convolution
 from taxelflow.estimation.centroid.paper_reference import convolution_index, slip_vector
@@ -232,15 +232,6 @@ def test_predicted_deviations_do_not_depend_much_on_the_noise_drawn() -> None:
     slips = slips_by("convolution", PALM, scans_of(PALM, values, noise=500.0))
     exact = slips_by("convolution", PALM, scans_of(PALM, [dome(PALM)] * 3, noise=500.0))
     np.testing.assert_allclose(slips.covariance[2:, 0, 0, 0], exact.covariance[2, 0, 0, 0], rtol=0.2)
-
-
-def test_blocks_of_any_size_and_both_modes_give_the_same_bits() -> None:
-    random = np.random.default_rng(2)
-    contact = random.random((60, 2)) < 0.8
-    scans = scans_of(TWO, random.random((60, 56)), noise=0.1, contact=contact, complete=random.random((60, 2)) < 0.9)
-    whole = slips_by("convolution", TWO, scans, mode="batch")
-    for cuts in (range(60), [0, 0, 7, 7, 31], [59]):
-        assert_same(slips_by("convolution", TWO, *pieces(scans, cuts)), whole)
 
 
 def test_sessions_do_not_share_their_memory() -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthetic import assert_same, dome, grid_sensor, pieces, scans_of, slips_by
+from synthetic import dome, grid_sensor, scans_of, slips_by
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.centroid.lnorm import LNorm
 from taxelflow.messages import Floats, Slips
@@ -148,15 +148,6 @@ def test_the_gain_scales_lengths_and_their_deviations(gain: float) -> None:
 def test_a_gain_that_cannot_work_is_refused(gain: float) -> None:
     with pytest.raises(ParameterInvalid, match="gain"):
         LNorm(gain=gain)
-
-
-def test_blocks_of_any_size_and_both_modes_give_the_same_bits() -> None:
-    random = np.random.default_rng(2)
-    contact = random.random((60, 2)) < 0.8
-    scans = scans_of(TWO, random.random((60, 56)), noise=0.1, contact=contact, complete=random.random((60, 2)) < 0.9)
-    whole = slips_by("lnorm", TWO, scans, mode="batch")
-    for cuts in (range(60), [0, 0, 7, 7, 31], [59]):
-        assert_same(slips_by("lnorm", TWO, *pieces(scans, cuts)), whole)
 
 
 def test_a_border_is_marked_as_for_the_other_method() -> None:

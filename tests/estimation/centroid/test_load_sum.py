@@ -4,10 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from synthetic import METHODS, assert_same, dome, grid_sensor, pieces, recorded, scans_of, slips_by
+from synthetic import METHODS, dome, grid_sensor, recorded, scans_of, slips_by
 from taxelflow.errors import ParameterInvalid
 from taxelflow.estimation.centroid.load_sum import Sum
 from taxelflow.pipeline.api import estimate
@@ -80,19 +78,6 @@ def test_it_begins_anew_at_lift_off() -> None:
     contact = [True] * 4 + [False] + [True] * 4
     slips = slips_by("sum", PALM, scans_of(PALM, held(np.arange(1.0, 10.0)), noise=200.0, contact=contact))
     assert np.isnan(slips.disturbance[:, 0]).tolist() == [True] + [False] * 3 + [True, True] + [False] * 3
-
-
-@given(cuts=st.lists(st.integers(0, 30), max_size=10), seed=st.integers(0, 1000))
-def test_blocks_of_any_size_give_the_same_bits(cuts: list[int], seed: int) -> None:
-    random = np.random.default_rng(seed)
-    scans = scans_of(
-        TWO,
-        random.normal(1, 1, (30, 56)),
-        noise=0.3,
-        contact=random.random((30, 2)) < 0.9,
-        complete=random.random(30) < 0.9,
-    )
-    assert_same(slips_by("sum", TWO, *pieces(scans, cuts)), slips_by("sum", TWO, scans))
 
 
 @pytest.mark.parametrize("cutoff_hz", [0.0, -1.0, float("nan"), float("inf")])
