@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from operator import add
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -52,11 +51,10 @@ def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None)
     turns = [False] if scanned.across.any() else [False, True]
     tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
     tried += [replace(one.copy(), turns=turn) for one in _grown(scanned, tried[0].states) for turn in turns]
-    handicaps = [0.0] * len(tried)
-    for again in [] if known is None else _from_known(scanned, known, turns):
-        own = [UNCONVERGED * len(scanned) if one.kind == again.kind else 0.0 for one in tried]
-        handicaps = [*map(add, handicaps, own), 0.0]
-        tried.append(again)
+    again = [] if known is None else _from_known(scanned, known, turns)
+    kinds = {one.kind for one in again}
+    handicaps = [UNCONVERGED * len(scanned) if one.kind in kinds else 0.0 for one in tried] + [0.0] * len(again)
+    tried += again
     costs = [cost(one, scanned) + more for one, more in zip(tried, handicaps, strict=True)]
     limit = min(costs) + _FAR_WORSE * len(scanned)
     solved, others = [], []

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.estimation.template.online.hand import places_of
 from taxelflow.estimation.template.online.track_state import Track
-from taxelflow.numerics.bspline import evaluate, state_of
+from taxelflow.numerics.bspline import STATE, evaluate, state_of
 from taxelflow.numerics.records import record
 
 if TYPE_CHECKING:
@@ -49,9 +50,8 @@ def _part(hand: Hand, pad: int) -> slice:
 
 def _pressure(maps: Patterns, hand: Hand, pad: int, m: Track, state: Floats) -> Floats:
     """(taxels,), by the pattern at a state (5,)."""
-    own = _part(hand, pad)
-    values = np.empty((own.stop - own.start, 5))
-    where = np.ascontiguousarray(hand.places[pad, :, : own.stop - own.start])
+    where = places_of(hand, pad)
+    values = np.empty((where.shape[1], STATE))
     evaluate(maps.patterns[pad], m.lattice.copy(), where, state.copy(), np.zeros((3, 0)), values)
     pressure: Floats = state_of(state).gain * np.maximum(np.nan_to_num(values[:, 0]), 0.0)
     return pressure
