@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import log_ndtr
 
+from taxelflow.condition.converter import MIN_NOISE_SHARE
 from taxelflow.numerics.robust import MAD_TO_SIGMA
 from taxelflow.numerics.rounding import CERTAIN
 
@@ -188,7 +189,8 @@ def _find_rest(readings: _Readings, sigma: Floats, reach: float) -> Resting:
         share = (total + _LEVEL.even) / (count + 2 * _LEVEL.even)
     log_load = np.where((z < 0) | clipped, _each(stray), _each(light) - np.log1p(np.maximum(z, 0.0)))
     likelihood = np.where(known, log_load + np.log1p(odds), 0.0).sum(axis=1) + count * loaded
-    return Resting(level, unloaded, likelihood + np.log(sigma) * np.minimum(total, 1.0))
+    levels = sigma / (MIN_NOISE_SHARE * reach)  # that a converter may send within the noise: of no unit
+    return Resting(level, unloaded, likelihood + np.log(levels) * np.minimum(total, 1.0))
 
 
 def _each(of_taxels: Floats) -> Floats:
