@@ -187,3 +187,25 @@ def test_a_noisy_taxel_keeps_its_own() -> None:
     found = of_grid(20e3 + drawn, 20)
     assert found[7] == pytest.approx(1000, rel=0.25)
     assert np.delete(found, 7) == pytest.approx(np.full(35, 100.0), rel=0.25)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e-3, 1.0, 1e3])
+def test_the_noise_of_one_idle_window_has_no_unit(unit: float) -> None:
+    """A stream learns it from 12 scans, of volts as of pascals."""
+    readings = np.random.default_rng(0).normal(0, 0.1, (WINDOWS.scans, 36))
+    assert np.median(of_grid(unit * readings, 1)) == pytest.approx(0.1 * unit, rel=0.15)
+
+
+@pytest.mark.parametrize("step", [1e-3, 0.1, 7.0])
+@pytest.mark.parametrize("level", [0.0, 50.0])
+def test_the_step_of_a_converter_is_known_from_idle_readings_of_few_levels(step: float, level: float) -> None:
+    drawn = np.random.default_rng(0).normal(0, 1.0, (WINDOWS.scans, 36))
+    found = of_grid(step * np.round(level + drawn), 1)
+    assert np.median(found) == pytest.approx(step, rel=0.2)
+
+
+def test_an_image_of_few_values_has_no_step() -> None:
+    readings = np.zeros((2 * WINDOWS.scans, 36))
+    for scan, row in enumerate(readings):
+        row[scan : scan + 6] = 1000.0
+    assert np.median(of_grid(readings, 2)) < 10

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import gammainc, gammaln, logsumexp
 
-from taxelflow.condition.converter import UNKNOWN_NOISE, floor_of, levels_of, range_of, step_of
+from taxelflow.condition.converter import MIN_NOISE_SHARE, UNKNOWN_NOISE, floor_of, levels_of, range_of, step_of
 from taxelflow.condition.resting import far_from_loads, rest_likelihood
 from taxelflow.messages import Bools, Floats
 
@@ -110,7 +110,7 @@ def estimate_noise(
     levels = levels_of(live)
     if not len(levels):
         return noise
-    found_step, reach = step_of(levels), range_of(levels)
+    found_step, reach = step_of(levels) or _step_of_noise(live, levels), range_of(levels)
     floor = max(floor_of(found_step, reach), step / 12**0.5)
     if reach <= 0.0:
         noise[~masked] = floor if floor > UNKNOWN_NOISE else max(unknown, UNKNOWN_NOISE)
@@ -126,6 +126,21 @@ def estimate_noise(
     found = _pooled(rest + steady, rest + weight * steady, pads, grid, prior)
     noise[~masked] = np.maximum(found, floor)[~masked]
     return noise
+
+
+def _step_of_noise(live: Floats, levels: Floats) -> float:
+    """The step of a converter of which windows (windows, scans, taxels) show few levels, as only noise moved them.
+
+    0 where most taxels do not scatter, or the levels are no multiples of a step apart: it may be an image's.
+    """
+    seen = np.isfinite(live).any(axis=(0, 1))
+    with np.errstate(over="ignore", invalid="ignore"):
+        scatter = _independent(live)
+    if len(levels) < 2 or 2 * np.count_nonzero(scatter) <= np.count_nonzero(seen):
+        return 0.0
+    gaps = np.diff(levels)
+    step = float(gaps.min())
+    return step if (np.abs(gaps / step - np.round(gaps / step)) <= MIN_NOISE_SHARE).all() else 0.0
 
 
 def _without_repeats(live: Floats) -> Floats:
