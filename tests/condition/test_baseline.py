@@ -89,3 +89,12 @@ def test_a_mask_is_a_copy() -> None:
     more = with_masked(NONE, [1])
     assert more.sum() == 1
     assert not NONE.any()
+
+
+def test_a_silent_taxel_of_a_stream_has_one_finding_however_often_it_is_judged() -> None:
+    values = noisy()
+    values[:, 3] = np.nan
+    found = baseline(values[:12], causal=True)
+    for scans in (24, 48, 96):
+        found = update_baseline(Conditioner(), PALM, sample_of(values[:scans]), found)
+    assert [(one.taxel, one.fault, one.scans) for one in found.findings] == [(3, "silent", 96)]

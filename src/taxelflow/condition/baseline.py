@@ -69,7 +69,8 @@ def estimate_baseline(
 def update_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline) -> Baseline:
     """The baseline of a stream from a larger sample: noise, faults, and the offsets that were unknown before."""
     noise, masked, findings = _noise_and_faults(parameters, sensor, sample, before.masked)
-    kept = [found for found in before.findings if before.masked[found.taxel]]  # what is masked is not judged again
+    again = {found.taxel for found in findings}  # of what is masked, only silent taxels are judged again
+    kept = [found for found in before.findings if before.masked[found.taxel] and found.taxel not in again]
     findings = tuple(sorted([*kept, *findings], key=attrgetter("taxel")))
     same = replace(before, noise=noise, masked=masked, findings=findings)
     return _with_offsets(parameters, sensor, sample, same, causal=True)
