@@ -66,6 +66,20 @@ def test_a_stream_gives_each_event_at_once() -> None:
     assert second[0].path_m == pytest.approx(0.02, rel=0.02)
 
 
+@pytest.mark.parametrize("report_s", [1.02, 1.03])
+def test_a_brief_slip_that_a_stream_reports_late_has_the_motion_that_the_detector_saw(report_s: float) -> None:
+    """A jump of one scan is reported when it is over: the scans since then show nothing of it."""
+    pose = np.zeros((300, 3))
+    pose[101:, 1] = 0.003
+    start = Event(report_s, "pad", "slip_start", 1.0, np.pi / 2, 0.0029 / (report_s - 1.0))
+    events = start, Event(report_s + 0.01, "pad", "slip_stop", 1.02)
+    found = [event for given in completed(slips_of(pose), events=events, stream=True) for event in given]
+    stop = found[-1]
+    assert stop.path_m == pytest.approx(0.003, rel=0.4)
+    assert stop.std_path_m == pytest.approx(stop.path_m, rel=0.1)
+    assert stop.direction_rad == pytest.approx(np.pi / 2)
+
+
 def test_a_slip_whose_stop_was_withdrawn_ends_with_its_whole_path() -> None:
     pose = slid(VELOCITY)
     pose[170:, 0] += np.minimum(np.arange(130), 30) / RATE_HZ * 0.04  # the last 0.3 s are three times as fast

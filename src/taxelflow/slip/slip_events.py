@@ -2,14 +2,15 @@
 
 In a recording begin and end of a slip both carry its motion: events from the begin of a slip on wait for its end. A
 stream gives each event at once, so that only the end carries the motion, from the scans since the slip was reported. A
-slip whose stop was withdrawn keeps the scans before that stop.
+slip of fewer than three of them, or without poses, has the motion that the detector saw before them. A slip whose stop
+was withdrawn keeps the scans before that stop.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from math import isnan, nan
+from math import cos, isnan, nan, sin
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -152,6 +153,12 @@ class SlipEvents:
                 velocity = steady_velocity(self._steps[pad])
                 return motion if velocity is None else at_velocity(motion, velocity)
         displacement, covariance = rows["displacement"], rows["displacement_covariance"]
+        if self._stream and len(rows) and not isnan(start.event.speed_m_s):
+            begun_s = min(float(rows["t_s"][0]), end_s) - start_s
+            if begun_s > ROUNDING_S:
+                before = _begun(start.event, begun_s)
+                displacement = np.vstack([before, displacement[1:]])
+                covariance = np.vstack([[_unsure(before)], covariance[1:]])
         return integrate_slip(displacement, covariance, start_s, end_s, self._scan_s)
 
     def _complete(self) -> list[Event]:
@@ -159,6 +166,18 @@ class SlipEvents:
         count = next((number for number, held in enumerate(self._held) if held.waits), len(self._held))
         done, self._held = self._held[:count], self._held[count:]
         return [held.event for held in done]
+
+
+def _begun(start: Event, time_s: float) -> Floats:
+    """Displacement (3,) of a stream's slip up to the first scan that is held, as the detector saw it."""
+    way = time_s * start.speed_m_s
+    return np.array([way * cos(start.direction_rad), way * sin(start.direction_rad), time_s * start.turn_rad_s])
+
+
+def _unsure(displacement: Floats) -> Floats:
+    """Covariance (3, 3) of a displacement (3,) that may be wrong by all of itself."""
+    length_m, turn_rad = np.hypot(displacement[0], displacement[1]), displacement[2]
+    return np.diag([length_m**2, length_m**2, turn_rad**2])
 
 
 def _with_motion(event: Event, motion: SlipMotion) -> Event:
