@@ -55,10 +55,14 @@ def no_contact(windows: Floats, learned: Baseline, sensor: Sensor, contact_on: f
         return f"{seen}; the noise, and so the level at which contact begins, is unknown from so short a recording"
     most = to_unit * float(np.max(above, initial=-np.inf, where=known))
     noise = to_unit * float(np.median(learned.noise[live]))
-    return (
-        f"{seen}, at most {most:.4g} above idle; "
-        f"contact begins at {contact_on:g} times the noise of {noise:.3g} = {contact_on * noise:.3g} {sensor.unit}"
-    )
+    limit = f"{contact_on:g} times the noise of {noise:.3g} = {contact_on * noise:.3g} {sensor.unit}"
+    middle = to_unit * float(np.median(readings[known]))
+    if most > contact_on * noise and middle < -contact_on * noise:
+        return (
+            f"{seen}, most are near {middle:.4g}; contact begins where a pad's sum is above 0, too: if that is read "
+            f"without load, add offset = {middle:.4g} to the sensor file, or --condition.tare start"
+        )
+    return f"{seen}, at most {most:.4g} above idle; contact begins at {limit}"
 
 
 def falls_under_load(windows: Floats, learned: Baseline, polarity: int) -> str:
