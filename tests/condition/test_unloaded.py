@@ -57,6 +57,20 @@ def test_without_contact_the_note_gives_range_noise_and_threshold(tmp_path: Path
     assert note.endswith("count")
 
 
+def test_idle_numbers_far_below_0_are_noted_where_they_hide_the_contact(tmp_path: Path) -> None:
+    path = save(tmp_path / "a.npz", grasp(200.0, 1.0, idle=-150.0))
+    (note,) = [one for one in notes_of(path) if one.startswith("no contact")]
+    assert "most are near -149" in note
+    assert "above idle" not in note
+    assert note.endswith("to the sensor file, or --condition.tare start")
+    assert not any(one.startswith("no contact") for one in notes_of(path, grid_sensor(4, 7, unit="count", offset=-150)))
+
+
+def test_idle_numbers_far_above_0_are_noted_with_what_to_do(tmp_path: Path) -> None:
+    (note,) = [one for one in notes_of(save(tmp_path / "a.npz", grasp(200.0, 1.0, idle=50.0))) if "not tared" in one]
+    assert note.endswith("pad0; if nothing touched the sensor at the start, add --condition.tare start")
+
+
 def test_numbers_that_fall_under_load_are_noted(tmp_path: Path) -> None:
     falling = save(tmp_path / "a.npz", 1000.0 - grasp(800.0, 2.0))
     assert any("add polarity = -1" in note for note in notes_of(falling))

@@ -105,7 +105,10 @@ def _of_pads(pipeline: Pipeline, pads: dict[str, PadSummary], own: Sequence[str]
     notes, touched = [], {name: pad for name, pad in pads.items() if pad.contact_scans}
     untared = [name for name, pad in touched.items() if not pad.tared]
     if untared and pipeline.condition.tare == "auto":
-        notes.append(f"not tared, because no idle scans were found: {', '.join(untared)}")
+        notes.append(
+            f"not tared, because no idle scans were found: {', '.join(untared)}; if nothing touched the sensor at the"
+            " start, add --condition.tare start"
+        )
     if pipeline.calibration is not None:
         known = {pad.name for pad in pipeline.calibration.pads}
         if bare := [name for name in own if name in touched and name not in known]:
