@@ -42,6 +42,10 @@ def test_an_unknown_value_comes_with_the_nearest_one() -> None:
     assert says.startswith("top level, field unit: unknown value 'kpa'; did you mean 'kPa'? known are 'MPa', 'N',")
 
 
+def test_an_unknown_unit_comes_with_that_of_other_numbers() -> None:
+    assert "'psi'; use count for volts" in refused(GOOD.replace('"kPa"', '"V"'))
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [

@@ -55,6 +55,8 @@ def schema_error(source: str, message: str, mapping: object, kind: type) -> Sens
         value, values = _value_at(mapping, path), _values(known)
         near = nearest(value, [one for one in values if isinstance(one, str)]) if isinstance(value, str) else ""
         seen, remedy = f"unknown value {_short(value)}", f"{near}known are {', '.join(map(repr, values))}"
+        if path == ".unit":
+            remedy += "; use count for volts and all other numbers without a known pressure"
     elif "missing required field" in what:
         seen, remedy = f"field {_quoted(what)} is missing", _remedy(path, known)
     else:
