@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
 
 from bagged import EPOCH_S, SCANS, SDH, SDH_CELLS, STORAGES, bag_of, plain, scans_of, write_bag
 from synthetic import grid_sensor
@@ -63,6 +64,13 @@ def test_invalid_stamps_give_way_to_times_of_receipt_with_a_note(tmp_path: Path,
     assert said in recording.notes[0]
     assert "times are those of receipt" in recording.notes[0]
     np.testing.assert_allclose(recording.load().t_s - EPOCH_S, 0.01 * np.arange(SCANS), atol=1e-6)
+
+
+def test_times_of_receipt_are_the_nearest_numbers_as_in_a_csv(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "a.bag", {"/dsa": (SDH, scans_of(*SDH_CELLS))}, stamps_s=np.zeros(SCANS))
+    with AnyReader([path]) as bag:
+        received_ns = [received for _, received, _ in bag.messages()]
+    assert read(path).load().t_s.tolist() == [float(f"{ns // 10**9}.{ns % 10**9:09}") for ns in received_ns]
 
 
 def test_a_sensors_own_clock_is_believed(tmp_path: Path) -> None:
