@@ -468,6 +468,16 @@ def test_a_stream_without_a_full_scale_takes_nothing_away_that_might_be_a_load()
     assert scans.contact[:, 0].all()
 
 
+def test_a_stream_that_starts_under_three_feet_takes_nothing_of_their_rims_away() -> None:
+    sensor = grid_sensor(5, 7)
+    feet = [(-0.008, 0.002, 14e3), (0.0, 0.0, 17e3), (-0.01, -0.005, 6e3)]
+    load = sum(dome(sensor, x, y, peak=peak) for x, y, peak in feet)
+    scans, session = conditioned(load + np.random.default_rng(1).normal(0, 100, (60, 35)), sensor, mode="stream")
+    assert session.baseline is not None
+    assert not session.baseline.tared.any()
+    assert scans.contact.all()
+
+
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_no_tare_leaves_every_reading_as_it_is(mode: str) -> None:
     values = grasps(0) + 2000 + noise()

@@ -186,7 +186,9 @@ def find_offsets(
     idle = idle_windows(windows, noise, masked)
     mean = estimate_offset(idle, noise, masked, neighbours, reference)
     if mean is None:
-        return at_rest(windows.reshape(-1, windows.shape[2]))
+        if not np.isfinite(reference):  # something is loaded: what a stream has read by now shows how far
+            reference = float(np.max(windows, initial=0.0, where=np.isfinite(windows)))
+        return at_rest(windows.reshape(-1, windows.shape[2]), reference=reference)
     by_mean = Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
     if (idle[:, :, ~masked] <= cut).mean() < _IDLE.clipped_share:
         return by_mean
