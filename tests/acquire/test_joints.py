@@ -120,6 +120,24 @@ def test_an_npz_with_half_of_the_joints_is_corrupt(tmp_path: Path) -> None:
         api.read(path, "grid:4x4@4mm")
 
 
+def test_two_columns_of_angles_for_one_joint_are_refused(tmp_path: Path) -> None:
+    """A copied column would leave the joint that it was meant for without angles."""
+    t_s, scans = np.arange(3.0), np.zeros((3, 16))
+    path = tmp_path / "scans.npz"
+    np.savez(path, t=t_s, pressure=scans, joint_names=["a", "a"], joint_t_s=t_s, joint_angles=np.zeros((3, 2)))
+    with pytest.raises(RecordingCorrupt, match="joint 'a' has two columns of angles; give each joint one"):
+        api.read(path, "grid:4x4@4mm")
+    text = table(tmp_path).read_text().replace("joint:b", "joint:a")
+    (tmp_path / "scans.csv").write_text(text)
+    with pytest.raises(RecordingCorrupt, match="joint 'a' has two columns of angles; give each joint one"):
+        api.read(tmp_path / "scans.csv", "grid:4x4@4mm")
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    names = ["t_s", *(f"value{n}" for n in range(16)), "joint:a", "joint:a"]
+    parquet.write_table(arrow.table([t_s] * len(names), names=names), tmp_path / "scans.parquet")
+    with pytest.raises(RecordingCorrupt, match="joint 'a' has two columns of angles; give each joint one"):
+        api.read(tmp_path / "scans.parquet", "grid:4x4@4mm")
+
+
 def test_joint_states_beside_the_scans_of_a_bag_are_read(tmp_path: Path) -> None:
     from rosbags.rosbag2 import Writer
     from rosbags.typesys import Stores, get_typestore

@@ -21,6 +21,7 @@ from taxelflow.acquire.column_pads import check_pads
 from taxelflow.acquire.columns import JOINT, Columns
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_BYTES, BLOCK_SCANS
+from taxelflow.acquire.metadata import check_joint_names
 from taxelflow.acquire.table_remedies import REMEDY, SHOWN, fewer_taxels, for_field, for_separator
 from taxelflow.acquire.times import is_iso, iso_seconds, read_times, timed
 from taxelflow.errors import (
@@ -75,7 +76,9 @@ def open_csv(path: Path, sensor: Sensor | None, columns: Columns | None = None) 
     iso = time is not None and _has_iso_time(row, delimiter, time)
     table = _Table(path, asked, delimiter, names, time, np.array(taxels), iso)
     joints = [number for number, name in enumerate(names) if name.startswith(JOINT)]
-    angles = replace(table, taxels=np.array(joints)).joints([names[n].removeprefix(JOINT) for n in joints])
+    joint_names = [names[number].removeprefix(JOINT) for number in joints]
+    check_joint_names(path, joint_names)
+    angles = replace(table, taxels=np.array(joints)).joints(joint_names)
     notes = (
         () if asked.rate_hz is None else (f"times computed from the rate of {asked.rate_hz:g} Hz: the log has none",)
     )

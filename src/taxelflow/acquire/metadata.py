@@ -114,7 +114,15 @@ def checked_joints(path: Path, names: Sequence[str], t_s: Floats, angles: Floats
     if t_s.ndim != 1 or angles.shape != (*t_s.shape, len(names)) or t_s.dtype.kind + angles.dtype.kind != "ff":
         seen = f"{len(names)} joints, joint_t_s {t_s.dtype} {t_s.shape}, joint_angles {angles.dtype} {angles.shape}"
         raise RecordingCorrupt(path, seen, "give names, times (n,) in s and angles (n, joints) in rad")
+    check_joint_names(path, names)
     return joints_of(names, t_s.astype(np.float64), angles.astype(np.float64))
+
+
+def check_joint_names(path: Path, names: Sequence[str]) -> None:
+    """Raises RecordingCorrupt if two columns hold the angles of one joint: which of them count is not known."""
+    twice = [name for number, name in enumerate(names) if name in names[:number]]
+    if twice:
+        raise RecordingCorrupt(path, f"joint {twice[0]!r} has two columns of angles", "give each joint one")
 
 
 def checked_truth(path: Path, sensor: Sensor, found: Truth) -> Truth:

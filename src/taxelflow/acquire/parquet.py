@@ -19,7 +19,7 @@ from taxelflow.acquire.column_pads import check_pads
 from taxelflow.acquire.columns import JOINT, PER_SECOND, Columns
 from taxelflow.acquire.joints import joints_of
 from taxelflow.acquire.limits import BLOCK_SCANS, MOST_ARRAY_BYTES, Budget, check_expansion, scans_per_block
-from taxelflow.acquire.metadata import joints_text_in, masked_in, sensor_in, texts_of, truth_in
+from taxelflow.acquire.metadata import check_joint_names, joints_text_in, masked_in, sensor_in, texts_of, truth_in
 from taxelflow.acquire.parquet_pages import Pages, unpacked_pages
 from taxelflow.acquire.table_remedies import fewer_taxels
 from taxelflow.acquire.times import iso_seconds, read_times, timed
@@ -157,6 +157,7 @@ def _table(path: Path, schema: Any, asked: Columns) -> _Table:
         seen = f"column {schema.names[time]!r} holds {schema.types[time]}, not times"
         raise RecordingCorrupt(path, seen, "choose another with --columns.time")
     names, joints = (tuple(schema.names[number] for number in chosen) for chosen in (taxels, angles))
+    check_joint_names(path, [name.removeprefix(JOINT) for name in joints])
     return _Table(
         path, None if time is None else schema.names[time], names, joints, per_second, asked.rate_hz or np.nan
     )
