@@ -180,6 +180,21 @@ def test_joints_left_out_are_at_0_where_the_angles_are_constant(tmp_path: Path) 
     assert asked_joints("slide=0.1", linked_hand(tmp_path)).angles.tolist() == [[0.1]]
 
 
+def test_angles_that_fit_no_scan_are_refused_beside_a_pad_on_the_palm(tmp_path: Path) -> None:
+    linked_hand(tmp_path)
+    (path := tmp_path / "hand.toml").write_text(path.read_text().replace('link = "finger"', 'link = "base"', 1))
+    sensor = load_sensor(str(path))
+    fitting, late = (
+        Places(sensor, asked_joints(_csv(tmp_path, text), sensor))
+        for text in ("t_s,slide\n0,0\n0.4,0\n", "t_s,slide\n500,0\n500.4,0\n")
+    )
+    for places in (fitting, late):
+        places.count(0.1 * np.arange(5))
+    fitting.check()
+    with pytest.raises(JointsInvalid, match=r"no moving pad has a place in any of 5 scans: angles are from 500\.000"):
+        late.check()
+
+
 def test_a_joint_without_any_angle_is_left_out() -> None:
     angles: Floats = np.array([[0.1, np.nan], [np.nan, np.nan], [0.3, np.nan]])
     joints = joints_of(("a", "b"), np.array([0.0, 1.0, 2.0]), angles)

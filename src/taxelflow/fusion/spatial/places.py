@@ -99,10 +99,14 @@ class Places:
         return notes_beyond_ranges(self._joints, self._kinematics.model)
 
     def check(self) -> None:
-        """Raises JointsInvalid if angles that the user gave place no pad in any scan."""
-        joints, linked = self._joints, self._kinematics.linked
-        if joints is not None and joints.given and self._scans and (self._unplaced[linked] == self._scans).all():
-            raise JointsInvalid(joints.given, f"no pad has a place in any of {self._scans} scans: {self._lack()}")
+        """Raises JointsInvalid if angles that the user gave place no pad that joints move, in any scan."""
+        joints, scans = self._joints, self._scans
+        if joints is None or not joints.given or not scans:
+            return
+        still = self._kinematics.poses(self._kinematics.angles_at(None, np.zeros(1)))[0, :, 0, 0]
+        moved = self._kinematics.placed & np.isnan(still)
+        if moved.any() and (self._unplaced[moved] == scans).all():
+            raise JointsInvalid(joints.given, f"no moving pad has a place in any of {scans} scans: {self._lack()}")
 
     def _lack(self) -> str:
         """Which joint angles are missing."""
