@@ -12,6 +12,7 @@ from taxelflow.messages import Joints
 from taxelflow.pipeline import api
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.sensors.hand import JointsInvalid
+from taxelflow.sensors.kinematics import hand_model
 
 DATA = Path(os.environ.get("TAXELFLOW_DATA", Path(__file__).parents[3] / "shared" / "data"))
 SDH = DATA / "sdh-dsa" / "tennisball.dsa"
@@ -49,6 +50,17 @@ def test_a_csv_with_joints_is_read_and_a_bad_one_named(tmp_path: Path) -> None:
             read_joints(path)
     with pytest.raises(JointsInvalid, match="cannot be read"):
         read_joints(tmp_path / "none.csv")
+
+
+def test_angles_of_a_coupled_joint_name_the_joint_that_it_follows(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    sensor, path = load_sensor("barretthand-162"), tmp_path / "joints.csv"
+    assert sensor.hand is not None
+    (follower, driver), *_ = hand_model(sensor.hand.urdf, sensor.hand.base, sensor.name).drivers.items()
+    path.write_text(f"t_s,{driver},{follower}\n0,1,1\n")
+    for given in (f"{follower}=1", str(path)):
+        with pytest.raises(JointsInvalid, match=f"joint '{follower}' follows '{driver}'; leave {follower} out$"):
+            asked_joints(given, sensor)
 
 
 def test_repeated_and_unknown_times_are_left_out() -> None:

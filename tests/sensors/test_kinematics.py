@@ -29,6 +29,7 @@ MJCF = """<mujoco><compiler angle="degree"/><worldbody><body name="base"><geom t
 def test_links_follow_the_joints_and_coupled_ones_their_drivers(text: str) -> None:
     hand = Kinematics(text, "base", "test")
     assert hand.joints == ("a",)
+    assert hand.drivers == {"b": "a"}
     (T,) = hand.poses(np.array([[0.6]]), [hand.link("pad")])
     place = 0.1 * np.array([np.cos(0.6), np.sin(0.6)]) + 0.05 * np.array([np.cos(0.9), np.sin(0.9)])
     np.testing.assert_allclose(T[0, :3, 3], [*place, 0.01], atol=1e-12)

@@ -78,10 +78,12 @@ def _check_names(names: Iterable[str], given: str, sensor: Sensor) -> None:
     if sensor.hand is None:
         raise JointsInvalid(given, f"sensor {sensor.name} has no [hand]", "leave --joints out")
     with suppress(ExtraMissing):
-        known = hand_model(sensor.hand.urdf, sensor.hand.base, sensor.name).joints
+        model = hand_model(sensor.hand.urdf, sensor.hand.base, sensor.name)
         for name in names:
-            if name not in known:
-                raise JointsInvalid(given, f"the hand has no joint {name!r}, only {', '.join(known)}")
+            if name in model.drivers:
+                raise JointsInvalid(given, f"joint {name!r} follows {model.drivers[name]!r}", f"leave {name} out")
+            if name not in model.joints:
+                raise JointsInvalid(given, f"the hand has no joint {name!r}, only {', '.join(model.joints)}")
 
 
 def declared_joints(sensor: Sensor) -> Joints | None:

@@ -32,7 +32,7 @@ _DROPPED = {
 
 class Kinematics:
     """A hand's links by its joints. joints: names of those that can be set, in the order of angles; units: of their
-    angles, rad or m; ranges: (joints, 2), smallest and largest angle, infinite where the model has no limit.
+    angles, rad or m; ranges: (joints, 2), smallest and largest, infinite without a limit; drivers: by coupled joint.
     """
 
     def __init__(self, text: str, base: str, source: str) -> None:
@@ -54,6 +54,7 @@ class Kinematics:
         self._data: Any = mujoco.MjData(self._model)
         self._base = self.link(base) if base else 0
         self._coupled = self._couplings()
+        self.drivers = {self._joint_name(one): self._joint_name(other) for one, other, _ in self._coupled}
         driven = {follower for follower, _, _ in self._coupled}
         self._free = [joint for joint in range(self._model.njnt) if joint not in driven]
         self._driver = {joint: joint for joint in self._free} | {one: other for one, other, _ in self._coupled}
@@ -173,10 +174,9 @@ class Kinematics:
     def _couplings(self) -> list[tuple[int, int, list[float]]]:
         """(follower, driver, polynomial coefficients from the constant on) of the joint equalities."""
         model = self._model
-        kinds = model.eq_type == self._mujoco.mjtEq.mjEQ_JOINT
         return [
             (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]), model.eq_data[k, :5].tolist())
-            for k in np.flatnonzero(kinds)
+            for k in np.flatnonzero(model.eq_type == self._mujoco.mjtEq.mjEQ_JOINT)
             if model.eq_obj2id[k] >= 0
         ]
 
