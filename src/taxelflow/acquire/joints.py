@@ -102,7 +102,9 @@ def read_joints(path: Path) -> Joints:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = [row for row in csv.reader(file) if row]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise JointsInvalid(str(path), f"the file cannot be read ({error})") from error
+        raise JointsInvalid(
+            str(path), f"the file cannot be read ({getattr(error, 'strerror', None) or error})"
+        ) from error
     header = [name.strip() for name in rows[0]] if rows else []
     if TIME not in header or len(set(header)) < len(header) or len(header) < 2:
         raise JointsInvalid(str(path), f"its header is {','.join(header)[:80] or 'empty'!r}")
