@@ -36,6 +36,15 @@ def test_links_follow_the_joints_and_coupled_ones_their_drivers(text: str) -> No
     assert np.isnan(hand.poses(np.array([[np.nan]]), [hand.link("pad")])).all()
 
 
+def test_xacro_that_is_not_expanded_is_refused() -> None:
+    """Its macros would be left out without a word, and with them links and joints."""
+    macro = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="arm"><xacro:finger name="c"/>'
+    with pytest.raises(HandModelInvalid, match="it holds xacro that is not expanded; give what `xacro FILE` prints"):
+        Kinematics(ARM.replace('<robot name="arm">', macro), "base", "test")
+    expanded = macro.replace('<xacro:finger name="c"/>', "")
+    assert Kinematics(ARM.replace('<robot name="arm">', expanded), "base", "test").joints == ("a",)
+
+
 def test_ranges_of_joints_are_those_of_the_model() -> None:
     assert Kinematics(ARM, "base", "test").ranges.tolist() == [[-3.0, 3.0]]  # without the coupled joint
     assert Kinematics(MJCF, "base", "test").ranges.tolist() == [[-np.inf, np.inf]]

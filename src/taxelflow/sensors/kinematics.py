@@ -176,8 +176,7 @@ class Kinematics:
         model = self._model
         return [
             (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]), model.eq_data[k, :5].tolist())
-            for k in np.flatnonzero(model.eq_type == self._mujoco.mjtEq.mjEQ_JOINT)
-            if model.eq_obj2id[k] >= 0
+            for k in np.flatnonzero((model.eq_type == self._mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0))
         ]
 
     def _check_types(self) -> None:
@@ -274,14 +273,15 @@ def _stripped(text: str, source: str) -> tuple[ElementTree.Element, str]:
         raise HandModelInvalid(source, f"it is no XML ({error})", "give a URDF or MJCF file") from error
     if root.tag not in ("robot", "mujoco"):
         raise HandModelInvalid(source, f"its root is <{root.tag}>", "give a URDF (<robot>) or MJCF (<mujoco>) file")
+    if any("/xacro}" in part.tag for part in root.iter()):
+        raise HandModelInvalid(source, "it holds xacro that is not expanded", "give what `xacro FILE` prints")
     if root.find(".//include") is not None:
         raise HandModelInvalid(source, "it includes other files", "give one file, as MuJoCo's compiler writes it")
     _drop(root)
     if root.tag == "mujoco":
         compiler = root.find("compiler")
         compiler = ElementTree.SubElement(root, "compiler") if compiler is None else compiler
-        compiler.set("boundmass", "1")
-        compiler.set("boundinertia", "1")
+        compiler.attrib.update(boundmass="1", boundinertia="1")
         return root, ""
     options = {"fusestatic": "false", "boundmass": "1", "boundinertia": "1"}
     ElementTree.SubElement(ElementTree.SubElement(root, "mujoco"), "compiler", options)
