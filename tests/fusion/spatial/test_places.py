@@ -80,7 +80,8 @@ def test_angles_that_fit_no_scan_are_refused(tmp_path: Path, capsys: Capture, te
 def test_a_recording_without_angles_names_the_option_to_give_them(tmp_path: Path, capsys: Capture) -> None:
     code, said, placed = _estimated(tmp_path, capsys)
     assert (code, placed) == (0, 0)
-    assert "the pads are on links, and there are no joint angles; give --joints (JOINT=ANGLE pairs, or a csv)" in said
+    assert "the pads are on links, and there are no joint angles; give `estimate` --joints (JOINT=ANGLE pairs," in said
+    assert "or a csv), or write joints in [hand] of the sensor file" in said  # which `run` has, without the option
 
 
 def test_there_is_no_note_where_all_angles_are_known(tmp_path: Path, capsys: Capture) -> None:

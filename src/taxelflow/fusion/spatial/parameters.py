@@ -49,7 +49,7 @@ class SpatialField:
             return None, [f"no motion in space: {error}"]
         if session is None and sensor.hand is not None and any(pad.link is not None for pad in sensor.pads):
             known = ", ".join(["JOINT=ANGLE pairs", *(pose.split(":", 1)[0] for pose in sensor.hand.poses)])
-            remedy = f"give --joints ({known}, or a csv), or joints in [hand] of the sensor file"
+            remedy = f"give `estimate` --joints ({known}, or a csv), or write joints in [hand] of the sensor file"
             return None, [f"no motion in space: the pads are on links, and there are no joint angles; {remedy}"]
         return session, []
 
