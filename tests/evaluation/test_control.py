@@ -92,6 +92,19 @@ def test_an_object_that_is_not_grasped_is_a_fault_of_the_bench(capsys: Capture) 
     assert printed["held"] is printed["within_5_mm"] is printed["force_p50"] is None
 
 
+@in_mujoco
+@pytest.mark.parametrize("written", ["--plot", "--lerobot"])
+def test_pictures_and_episodes_of_an_object_that_is_not_grasped_are_a_fault_too(
+    tmp_path: Path, capsys: Capture, written: str
+) -> None:
+    if written == "--lerobot":
+        pytest.importorskip("pyarrow", reason="pyarrow is not installed: pip install 'taxelflow[tables]'")
+    words = ["control", "--controller", "constant", "--trials", "1", "--latency-ms", "900", "--events", "none"]
+    assert main([*words, written, str(tmp_path / "made")]) == 1
+    assert "trial 0 (ball) was not grasped before the lift" in capsys.readouterr().err
+    assert any((tmp_path / "made").iterdir())
+
+
 @pytest.mark.long
 @in_mujoco
 def test_a_hand_takes_the_grippers_place(capsys: Capture) -> None:

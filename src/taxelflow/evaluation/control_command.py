@@ -108,9 +108,10 @@ class Control(Output):
         if self.lerobot is not None:
             from taxelflow.evaluation.episodes import courses_to_lerobot
 
-            count = courses_to_lerobot(self._watched(self._courses(self.controller)), self.lerobot)
+            courses = self._courses(self.controller)
+            count = courses_to_lerobot(self._watched(courses), self.lerobot)
             print(f"{count} episode{'' if count == 1 else 's'} in {self.lerobot}")
-            return 0
+            return _blamed_courses(courses)
         if self.film is not None or self.plot is not None:
             return self._show()
         return self._move() if self.controller in _MOTIONS else self._hold(names)
@@ -177,17 +178,21 @@ class Control(Output):
 
         if self.film is not None:
             check_video(self.film, "film")
-        courses = self._courses(self.controller)
-        for course in {course.trial.event: course for course in reversed(courses)}.values():
-            if self.plot is not None:
+        ran: dict[int, Course] = {}
+        if self.plot is not None:
+            courses = self._courses(self.controller)
+            for course in {course.trial.event: course for course in reversed(courses)}.values():
                 print(plot_course(course, self.plot / f"{self.controller}-{course.trial.event}.svg"))
+                ran[course.trial.seed] = course
         if self.film is not None:
+            first = self._courses(self.controller)[0]
             try:
-                frames = film_course(self._courses(self.controller)[0], self.film)
+                frames = film_course(first, self.film)
                 print(f"{frames} frames in {self.film}")
+                ran[first.trial.seed] = first
             except GraphicsMissing as error:
                 print(f"taxelflow: no film: {error}", file=sys.stderr)
-        return 0
+        return _blamed_courses(ran.values())
 
     def _search(self, names: tuple[str, ...]) -> int:
         """Tune each controller on the same trials."""
@@ -259,7 +264,15 @@ class Control(Output):
 
 def _blamed(rows: Sequence[TrialRow | MotionRow]) -> int:
     """The exit code, after a line for each object that was not grasped."""
-    lost = [row for row in rows if not row.grasped]
-    for row in lost:
-        print(f"taxelflow: trial {row.seed} ({row.object}) was not grasped before the lift", file=sys.stderr)
+    return _blamed_trials([row for row in rows if not row.grasped])
+
+
+def _blamed_courses(courses: Iterable[Course]) -> int:
+    """The exit code of trials that were drawn, filmed or written as episodes, see `_blamed`."""
+    return _blamed_trials([course.trial for course in courses if not course.grasped])
+
+
+def _blamed_trials(lost: Sequence[TrialRow | MotionRow | Trial]) -> int:
+    for trial in lost:
+        print(f"taxelflow: trial {trial.seed} ({trial.object}) was not grasped before the lift", file=sys.stderr)
     return ExitCode.PARTLY_DONE if lost else 0
