@@ -5,10 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from rigged import estimated, rigged
 from taxelflow.acquire.columns import Columns
-from taxelflow.evaluation.source import source_of
+from taxelflow.evaluation.source import images, source_of
 from taxelflow.pipeline import api
 from taxelflow.publish.results import read_summary
+from taxelflow.simulation.simulate import save
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -54,3 +56,14 @@ def test_times_that_stand_apart_are_found_from_any_folder(tmp_path: Path, monkey
     assert source_of(summary) is not None
     (tmp_path / "times.txt").unlink()
     assert source_of(summary) is None
+
+
+def test_the_image_of_a_separate_contact_has_its_own_load_only(tmp_path: Path) -> None:
+    save(rigged("two-contacts", motion={"strokes": 1}), tmp_path / "two.npz")
+    ran = read_summary(estimated(tmp_path / "two.npz", tmp_path / "result", "--contacts", "2"))
+    recording = source_of(ran)
+    assert recording is not None
+    whole, *parts = (np.stack([image for _, image in images(ran, recording, pad)]) for pad in range(3))
+    contacts = np.array([part[150].sum() for part in parts]) / whole[150].sum()
+    np.testing.assert_allclose(contacts, 0.5, atol=0.05)
+    assert not (np.minimum(parts[0], parts[1])[150] > 1e4).any()

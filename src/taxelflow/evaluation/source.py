@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
 
 from taxelflow.acquire.columns import Columns
 from taxelflow.condition.parameters import Conditioner
@@ -40,10 +41,17 @@ def conditioned_blocks(ran: Summary, recording: Recording) -> Iterator[Scans]:
 
 
 def images(ran: Summary, recording: Recording, pad: int) -> Iterator[tuple[float, Floats]]:
-    """Time and image (rows, cols) of one pad in every scan, conditioned as in the run; NaN where no taxel is."""
+    """Time and image (rows, cols) of one pad in every scan, conditioned as in the run; NaN where no taxel is.
+
+    That of a separate contact has its own load only.
+    """
+    layout = recording.layout
+    own = layout.of_pad(pad)
     for scans in conditioned_blocks(ran, recording):
         for when, pressure in zip(scans.t_s, scans.pressure, strict=True):
-            yield float(when), recording.layout.grid(pad, pressure)
+            image: Floats = np.full(layout.shapes[pad], np.nan)
+            image[layout.row[own], layout.col[own]] = pressure[own]
+            yield float(when), image
 
 
 def pressure_at(ran: Summary, recording: Recording, times_s: Iterable[float]) -> dict[float, Floats]:
