@@ -162,3 +162,16 @@ def test_pads_without_a_place_on_the_hand_stand_in_a_row() -> None:
     assert np.isfinite(placed.T_hand).all()
     assert (np.diff(placed.T_hand[:, 0]) > 0.07).all()  # wider than a pad
     assert on_one_plane(placed) is placed
+
+
+def test_contacts_that_were_split_move_each_on_its_own(tmp_path: Path) -> None:
+    save(rigged("two-contacts", motion={"strokes": 1}), tmp_path / "two.npz")
+    two = estimated(tmp_path / "two.npz", tmp_path / "result", "--contacts", "2", "--method", "template")
+    film = gathered(two, fps=2.0, speed=1.0, from_s=0.0, to_s=None)
+    assert film.layout.pads == ("grid", "grid#1", "grid#2")
+    assert {event.pad for event in film.events if event.event == "slip_start"} == {"grid#1", "grid#2"}
+    assert not film.slipping[:, 0].any()
+    while_sliding = film.vectors[(film.t_s > 2.0) & (film.t_s < 3.0)]
+    assert np.isnan(while_sliding[:, 0]).all()
+    up, down = np.nanmedian(while_sliding[:, 1:, 1], axis=0)
+    np.testing.assert_allclose([up, down], [0.012, -0.012], atol=0.002)

@@ -14,7 +14,7 @@ from taxelflow.publish.plots.film import Film, film_frames, on_one_plane
 from taxelflow.publish.plots.hand import at_contacts
 from taxelflow.publish.plots.sizes import FILM
 from taxelflow.publish.plots.style import look, styled
-from taxelflow.publish.results import read_events, read_result
+from taxelflow.publish.results import drawn_once, read_events, read_result, with_arrows
 from taxelflow.publish.video import check_video, write_video
 from taxelflow.runtime.checks import positive
 
@@ -71,7 +71,8 @@ def gathered(directory: Path, *, fps: float, speed: float, from_s: float, to_s: 
     places, vectors = np.empty((2, len(when), len(ordered), 2))
     for k, scan in enumerate(pressure):
         places[k], vectors[k] = at_contacts(layout, pose[k], velocity[k], scan)
-    vectors[:, ~layout.independent] = np.nan
+    once = drawn_once(ran)
+    vectors[:, ~with_arrows(ran)] = np.nan
     heaviest = max(float(np.nanmax(track.numbers["load_pa"], initial=0.0)) for track in ordered[: layout.pad_count])
     darkest = float(np.quantile(peaks, 0.99)) if len(peaks) else float(pressure.max()) / FILM.idle
     title = f"{ran.layout.name}, {look(ran.method)['label']}" + (f", {speed:g} x" if speed != 1.0 else "")
@@ -82,9 +83,13 @@ def gathered(directory: Path, *, fps: float, speed: float, from_s: float, to_s: 
         pressure[:, : layout.taxels],
         places,
         vectors,
-        np.stack([track.flags["slipping"][rows] for track in ordered], axis=1),
+        np.stack([track.flags["slipping"][rows] & (track.pad in once) for track in ordered], axis=1),
         np.stack([track.numbers["load_pa"][rows] for track in ordered], axis=1),
-        [event for event in read_events(directory) if frames_s[0] - SAME_S <= event.t_s <= frames_s[-1] + SAME_S],
+        [
+            event
+            for event in read_events(directory)
+            if event.pad in once and frames_s[0] - SAME_S <= event.t_s <= frames_s[-1] + SAME_S
+        ],
         frames_s,
         ran.t_first_s,
         darkest or 1.0,

@@ -18,7 +18,7 @@ from taxelflow.publish.patterns import read_patterns
 from taxelflow.publish.plots.hand import Moment, at_contacts
 from taxelflow.publish.plots.pattern import Contact
 from taxelflow.publish.plots.style import pressure_unit
-from taxelflow.publish.results import Track, read_events, read_motions, read_orientations, read_result
+from taxelflow.publish.results import Track, drawn_once, read_events, read_motions, read_orientations, read_result
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -109,27 +109,11 @@ def _by_pad(events: Sequence[Event]) -> dict[str, list[Event]]:
 def _busiest(summary: Summary, most: int = 4) -> list[str]:
     """Pads, and contacts that were split, with the longest contact first. most: number of them, at most."""
     groups = {group.name for group in summary.layout.groups}  # they lie on pads
-    names = [name for name in _once(summary) if name not in groups]
+    names = [name for name in drawn_once(summary) if name not in groups]
     loaded = [(summary.pads[name].contact_scans, name) for name in names if summary.pads[name].contact_scans]
     if not loaded:
         raise ResultMissing(Path(summary.input), "contact at all, so there is nothing to draw")
     return [name for _, name in heapq.nlargest(most, loaded)]
-
-
-def _once(summary: Summary) -> list[str]:
-    """Names of which none repeats another: of a pad with contacts that were split these, if several of them were seen,
-    else the pad itself.
-    """
-    layout = summary.layout.layout
-    seen = [
-        of for name, of in zip(layout.pads, layout.contact_of.tolist(), strict=True) if summary.pads[name].contact_scans
-    ]
-    several = {of for of in seen if of >= 0 and seen.count(of) > 1}
-    return [
-        name
-        for number, (name, of) in enumerate(zip(layout.pads, layout.contact_of.tolist(), strict=True))
-        if (number not in several if of < 0 else of in several)
-    ]
 
 
 def _pictures(
@@ -137,7 +121,7 @@ def _pictures(
 ) -> ResultPictures:
     layout = result.ran.layout.layout
     tracks = [track for track in result.placed if track.pad in pads]
-    once = _once(result.ran)
+    once = drawn_once(result.ran)
     patterns = sorted((one for one in read_patterns(result.directory) if one.pad in once), key=lambda one: one.scans)
     longest = {one.pad: one for one in patterns}  # of each pad the contact whose pattern was learned from most scans
     contacts = [

@@ -58,6 +58,32 @@ class Track:
         return np.stack([self.numbers["x_m"], self.numbers["y_m"]], axis=1)
 
 
+def drawn_once(ran: Summary) -> list[str]:
+    """Names of which none repeats another: of a pad with contacts that were split these, if several of them were seen,
+    else the pad itself.
+    """
+    layout = ran.layout.layout
+    seen = [
+        of for name, of in zip(layout.pads, layout.contact_of.tolist(), strict=True) if ran.pads[name].contact_scans
+    ]
+    several = {of for of in seen if of >= 0 and seen.count(of) > 1}
+    return [
+        name
+        for number, (name, of) in enumerate(zip(layout.pads, layout.contact_of.tolist(), strict=True))
+        if (number not in several if of < 0 else of in several)
+    ]
+
+
+def with_arrows(ran: Summary) -> Bools:
+    """(pads,): those whose slip vectors are drawn, see `Layout.independent`; contacts that were split for their pad."""
+    layout, once = ran.layout.layout, set(drawn_once(ran))
+    shown: Bools = layout.independent.copy()
+    for number, of in enumerate(layout.contact_of.tolist()):
+        if of >= 0 and layout.pads[number] in once:
+            shown[of], shown[number] = False, True
+    return shown
+
+
 def read_summary(directory: Path) -> Summary:
     """What `summary.json` holds. Raises ResultMissing."""
     summary = directory / "summary.json"
