@@ -16,6 +16,7 @@ from synthetic import dome
 from taxelflow.cli import main
 from taxelflow.errors import ExtraMissing
 from taxelflow.evaluation.report import make_report
+from taxelflow.publish.results import read_summary
 from taxelflow.sensors.pads import Pad
 from taxelflow.sensors.sensor import Sensor
 from taxelflow.simulation.simulate import save
@@ -241,3 +242,18 @@ def test_without_jinja2_the_extra_is_named(
     with pytest.raises(ExtraMissing, match=r"pip install 'taxelflow\[report\]'"):
         make_report(results[:1], tmp_path / "a.html")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_contacts_that_were_split_count_instead_of_their_pad(tmp_path: Path) -> None:
+    save(rigged("two-contacts"), tmp_path / "two.npz")
+    two = estimated(tmp_path / "two.npz", tmp_path / "result", "--contacts", "2", "--method", "template")
+    make_report([two], tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    contacts, _, path_mm, _, speed = cells(page)[5:10]
+    parts = [contact for contact in read_summary(two).contacts if contact.pad != "grid"]
+    assert contacts == str(len(parts)) == "2"
+    assert path_mm == f"{sum(1e3 * (part.path_m or 0.0) for part in parts):.1f}"
+    assert float(speed) == pytest.approx(12.0, abs=0.1)  # each slides at that speed; their common load does not
+    scans = [scan for scan in charts(page)[0]["scans"] if "slips" in scan["title"]]
+    assert all("grid#" in scan["title"] for scan in scans)
+    assert all(len(scan["arrows"]) == 2 for scan in scans)

@@ -16,7 +16,7 @@ from taxelflow.publish.plots.outlines import extent_mm
 from taxelflow.publish.plots.style import BLUE, GREEN, MAGENTA, VERMILION, look
 from taxelflow.publish.report.charts import hand_chart, result_chart, truth_chart
 from taxelflow.publish.report.page import Report, Section, Sheet, write_report
-from taxelflow.publish.results import Track, read_events, read_result
+from taxelflow.publish.results import Track, drawn_once, read_events, read_result
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -157,8 +157,9 @@ def _overview(results: Sequence[Shown]) -> Sheet:
                "slip speed mm/s", "poses ok %", "at border %"]  # fmt: skip
     rows = []
     for result in results:
-        own = [track for track in result.tracks if _counts(result.ran, track)]
         ran = result.ran
+        once = {*drawn_once(ran)} - {group.name for group in ran.layout.groups}  # groups lie on pads
+        own = [track for track in result.tracks if track.pad in once]
         rows.append(
             [
                 _name(ran),
@@ -192,12 +193,6 @@ def _pads(results: Sequence[Shown], pads: Sequence[str]) -> Sheet:
         if track.pad == pad
     ]
     return Sheet(heading, rows)
-
-
-def _counts(ran: Summary, track: Track) -> bool:
-    """Whether a track counts in sums: groups lie on pads, and separate contacts too."""
-    layout = ran.layout.layout
-    return layout.pads.index(track.pad) < layout.pad_count
 
 
 def _moves(tracks: Sequence[Track], ran: Summary) -> list[str]:

@@ -16,6 +16,7 @@ from taxelflow.publish.plots.hand import at_contacts
 from taxelflow.publish.plots.outlines import box_mm
 from taxelflow.publish.report.charts import shades
 from taxelflow.publish.report.page import Sheet
+from taxelflow.publish.results import drawn_once, with_arrows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -153,7 +154,9 @@ def _moments(shown: Shown, label: str) -> list[_Moment]:
     largest = int(np.argmax(load))
     busiest = max(tracks, key=lambda track: float(np.nan_to_num(track.numbers["load_pa"][largest])))
     chosen = [_Moment(float(t_s[largest]), busiest.pad, "largest load")]
-    slips = [_slip(track, span, shown) for track in tracks for span in spans(track.flags["slipping"])]
+    once = {*drawn_once(shown.ran)} - {group.name for group in shown.ran.layout.groups}  # groups lie on pads
+    moved = [track for track in shown.tracks if track.pad in once]
+    slips = [_slip(track, span, shown) for track in moved for span in spans(track.flags["slipping"])]
     for _, middle_s, pad, caption in sorted(slips, key=lambda slip: -slip[0]):
         if len(chosen) < _KEY.most and all(abs(middle_s - moment.t_s) >= _KEY.apart_s for moment in chosen):
             chosen.append(_Moment(middle_s, pad, caption + (f" by {label}" if label else "")))
@@ -183,8 +186,9 @@ def _arrows(moment: _Moment, pressure: Floats, results: Sequence[Shown], layout:
         if k >= len(t_s) or abs(t_s[k] - moment.t_s) > SAME_S:
             continue
         pose, velocity = np.full((2, len(layout.pads), 3), np.nan)
+        shown = with_arrows(result.ran)
         for pad, name in enumerate(layout.pads):
-            if name in own and layout.independent[pad]:
+            if name in own and shown[pad]:
                 pose[pad] = [own[name].numbers[column][k] for column in ("x_m", "y_m", "theta_rad")]
                 velocity[pad] = [own[name].numbers[column][k] for column in ("vx_m_s", "vy_m_s", "omega_rad_s")]
         places, vectors = at_contacts(layout, pose, velocity, pressure)
