@@ -175,3 +175,10 @@ def test_contacts_that_were_split_move_each_on_its_own(tmp_path: Path) -> None:
     assert np.isnan(while_sliding[:, 0]).all()
     up, down = np.nanmedian(while_sliding[:, 1:, 1], axis=0)
     np.testing.assert_allclose([up, down], [0.012, -0.012], atol=0.002)
+
+
+def test_one_scan_is_no_film(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    np.savez(tmp_path / "a.npz", t=np.zeros(1), pressure=np.ones((1, 28)))
+    result = estimated(tmp_path / "a.npz", tmp_path / "result", "--sensor", "grid:4x7@10mm")
+    said = refused(capsys, "film", result, tmp_path / "a.gif")
+    assert "scans must be at least 2, at different times, for a film (got 1)" in said

@@ -102,6 +102,8 @@ def _frame_times(ran: Summary, fps: float, speed: float, from_s: float, to_s: fl
     duration_s = ran.t_last_s - ran.t_first_s
     for name, value in (("fps", fps), ("speed", speed)):
         positive(name, value)
+    if duration_s <= 0:
+        raise ParameterInvalid("scans", ran.scans, "be at least 2, at different times, for a film")
     end_s = duration_s if to_s is None else to_s
     if not 0 <= from_s < duration_s:
         raise ParameterInvalid("from_s", from_s, f"lie within the recording, 0 to {duration_s:.3f} s")
