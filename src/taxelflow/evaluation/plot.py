@@ -79,7 +79,8 @@ def gathered(directories: Sequence[Path]) -> Pictures:
     summary = results[0].ran
     for result in results:
         if (result.ran.input, result.ran.sensor) != (summary.input, summary.sensor):
-            raise ResultMissing(result.directory, f"result of the same recording as {directories[0]}")
+            lacks = f"result of the same recording as {directories[0]}"
+            raise ResultMissing(result.directory, lacks, "give results of one recording, or plot each by itself")
     pads = _busiest(summary)
     drawn = [track for result in results for track in result.placed if track.pad in pads]
     if not drawn:
@@ -112,7 +113,8 @@ def _busiest(summary: Summary, most: int = 4) -> list[str]:
     names = [name for name in drawn_once(summary) if name not in groups]
     loaded = [(summary.pads[name].contact_scans, name) for name in names if summary.pads[name].contact_scans]
     if not loaded:
-        raise ResultMissing(Path(summary.input), "contact at all, so there is nothing to draw")
+        lacks, cure = "contact at all, so there is nothing to draw", "the result's notes state its readings"
+        raise ResultMissing(Path(summary.input), lacks, cure)
     return [name for _, name in heapq.nlargest(most, loaded)]
 
 
