@@ -124,6 +124,23 @@ def test_the_path_lies_on_its_pad(drawn: Path) -> None:
             assert word in words
 
 
+def test_the_views_leave_out_poses_that_are_not_ok(results: list[Path], tmp_path: Path) -> None:
+    recording = json.loads((results[0] / "summary.json").read_text())["input"]
+    result = estimated(recording, tmp_path / "result", "--method", "template")
+    with (result / "slips.csv").open(newline="") as file:
+        rows = [*csv.DictReader(file)]
+    slipping = [row for row in rows if row["pad"] == "palm" and row["slipping"] == "1"]
+    for row in slipping[5:10]:
+        row["dx_m"], row["quality"] = "0.09", "unresolved"
+    with (result / "slips.csv").open("w", newline="") as file:
+        table = csv.DictWriter(file, [*rows[0]], lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
+    views = gathered([result]).views
+    assert views is not None
+    assert 2.0 < np.hypot(*views.slip_mm) < 6.0  # 25 mm/s at 7 scans a second
+
+
 def test_the_views_are_the_papers_three(drawn: Path) -> None:
     words = svg_words(drawn / "views.svg")
     for word in ("pressure in kPa, maximum in magenta", "convolution C[T]", "column", "row"):

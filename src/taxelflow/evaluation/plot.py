@@ -253,9 +253,13 @@ def _views(results: Sequence[_Result], pad: str, recording: Recording) -> Views 
 
 
 def _largest_slip(track: Track) -> int:
-    """The scan of the largest displacement while slipping; of one in contact if there is none."""
+    """The scan of the largest displacement while slipping, of those with an ok pose if there are any; of one in contact
+    if there is none.
+    """
     moved = np.hypot(track.numbers["dx_m"], track.numbers["dy_m"])
-    inner = np.where(track.flags["slipping"] | ~track.flags["slipping"].any(), moved, np.nan)
+    used = (track.flags["slipping"] | ~track.flags["slipping"].any()) & np.isfinite(moved)
+    used &= track.flags["ok"] | ~(used & track.flags["ok"]).any()
+    inner = np.where(used, moved, np.nan)
     if np.isfinite(inner).any():
         return int(np.nanargmax(_settled(inner)))
     return int(np.argmax(track.flags["contact"]))
