@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from rigged import refused
 from taxelflow.cli import main
 from taxelflow.control.baselines import Constant
 from taxelflow.control.hold import Hold
@@ -103,6 +104,18 @@ def test_pictures_and_episodes_of_an_object_that_is_not_grasped_are_a_fault_too(
     assert main([*words, written, str(tmp_path / "made")]) == 1
     assert "trial 0 (ball) was not grasped before the lift" in capsys.readouterr().err
     assert any((tmp_path / "made").iterdir())
+
+
+@in_mujoco
+def test_a_directory_that_is_not_empty_is_refused_before_the_first_trial(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed: pip install 'taxelflow[tables]'")
+    monkeypatch.setattr(Course, "__iter__", lambda _: pytest.fail("a trial ran"))
+    (tmp_path / "own.txt").write_text("a file of the user")
+    for directory in (tmp_path, tmp_path / "own.txt"):
+        said = refused(capsys, "control", "--controller", "constant", "--trials", "1", "--lerobot", directory)
+        assert f"--lerobot must be a directory that is new or empty (got '{directory}')" in said
 
 
 @pytest.mark.long

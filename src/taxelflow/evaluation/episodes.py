@@ -8,7 +8,7 @@ import numpy as np
 
 from taxelflow.errors import ParameterInvalid
 from taxelflow.pipeline import api
-from taxelflow.publish.lerobot import Episode, write_lerobot
+from taxelflow.publish.lerobot import Episode, check_lerobot, write_lerobot
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -27,6 +27,7 @@ def recording_to_lerobot(recording: Recording, directory: Path, method: str | No
     with results `observation.velocity` (3 per pad), NaN where unknown, and `observation.slipping` (pads).
     Raises ParameterInvalid for a recording of fewer than two scans, and what reading and estimating raise.
     """
+    check_lerobot(directory)
     scans = [scans for scans in recording.blocks() if len(scans)]
     t_s = np.concatenate([block.t_s for block in scans]) if scans else np.zeros(0)
     if len(t_s) < 2:
@@ -53,7 +54,9 @@ def courses_to_lerobot(courses: Iterable[Course], directory: Path) -> int:
 
     Columns: `observation.pressure`, `observation.velocity`, `observation.slipping`, `observation.state` (joints,
     and force, N) and `action`, the force per pad that was commanded for the next scan, N.
+    Raises ExtraMissing, ParameterInvalid, both before the first trial.
     """
+    check_lerobot(directory, "lerobot")
     episodes = []
     for course in courses:
         rows = [(one, course.plant.joints) for one in course]

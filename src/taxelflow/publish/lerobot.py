@@ -51,18 +51,27 @@ class Episode:
         return len(next(iter(self.columns.values())))
 
 
+def check_lerobot(directory: Path, option: str = "out") -> None:
+    """Refuse what `write_lerobot` would, before the episodes are made. option: the one that names the directory.
+
+    Raises ExtraMissing, ParameterInvalid.
+    """
+    try:
+        import_module("pyarrow")
+    except ImportError as error:
+        raise ExtraMissing("tables", "pyarrow") from error
+    if directory.exists() and not (directory.is_dir() and not any(directory.iterdir())):
+        raise ParameterInvalid(option, str(directory), "be a directory that is new or empty")
+
+
 def write_lerobot(episodes: Sequence[Episode], directory: Path, rate_hz: float, robot: str) -> None:
     """Write a data set into a directory that is new or empty. robot: name of gripper or sensor.
 
     LeRobot counts in frames: `timestamp` is the frame over the rate. Raises ExtraMissing, ParameterInvalid, OSError.
     """
-    try:
-        arrow: Any = import_module("pyarrow")
-        parquet: Any = import_module("pyarrow.parquet")
-    except ImportError as error:
-        raise ExtraMissing("tables", "pyarrow") from error
-    if directory.exists() and any(directory.iterdir()):
-        raise ParameterInvalid("out", str(directory), "be a directory that is new or empty")
+    check_lerobot(directory)
+    arrow: Any = import_module("pyarrow")
+    parquet: Any = import_module("pyarrow.parquet")
     rate = max(round(rate_hz), 1)
     tasks = list(dict.fromkeys(episode.task for episode in episodes))
     columns = _rows(episodes, tasks, rate)
