@@ -325,6 +325,22 @@ def test_of_contacts_and_their_pad_one_is_drawn(tmp_path: Path) -> None:
     assert not {"two", "one#1"} & set(pictures["path-convolution"])
 
 
+def test_contacts_that_were_split_have_slip_vectors_instead_of_their_pad(tmp_path: Path) -> None:
+    pads = (Pad("one", 4, 16, (0.01, 0.01), origin_m=(0.0, 0.0)), Pad("two", 4, 16, (0.01, 0.01), origin_m=(0.0, 0.1)))
+    values = np.random.default_rng(0).normal(0, 50, (120, 2, 4, 16))
+    row, col = np.mgrid[:4, :16]
+    for scan in range(20, 120):
+        for pad, middle in ((0, 8.0), (1, 3.0), (1, 12.0)):
+            at = middle + 0.04 * max(scan - 60, 0)
+            values[scan, pad] += 40e3 * np.exp(-((row - 1.5) ** 2 + (col - at) ** 2) / 2)
+    recording = saved(tmp_path / "own.npz", values.reshape(120, -1), Sensor(name="own", unit="Pa", pads=pads))
+    (drawn,) = gathered([estimated(recording, tmp_path / "own", "--contacts", "2", "--method", "template")]).results
+    assert drawn.moments
+    for moment in drawn.moments:
+        seen = {name for name, vector in zip(drawn.layout.pads, moment.vectors, strict=True) if np.isfinite(vector[0])}
+        assert seen == {"one", "two#1", "two#2"}
+
+
 @pytest.mark.long
 def test_pads_of_any_name_are_drawn_under_their_name(tmp_path: Path) -> None:
     names = ["left/tip", "läuft ✓ 50 $ (two $)", r"$\nonsense$ <b>&", "../up"]

@@ -18,7 +18,15 @@ from taxelflow.publish.patterns import read_patterns
 from taxelflow.publish.plots.hand import Moment, at_contacts
 from taxelflow.publish.plots.pattern import Contact
 from taxelflow.publish.plots.style import pressure_unit
-from taxelflow.publish.results import Track, drawn_once, read_events, read_motions, read_orientations, read_result
+from taxelflow.publish.results import (
+    Track,
+    drawn_once,
+    read_events,
+    read_motions,
+    read_orientations,
+    read_result,
+    with_arrows,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -212,7 +220,7 @@ def _moments(result: _Result, recording: Recording | None, most: int = 3) -> lis
     slipping = np.stack([track.flags["slipping"] for track in ordered], axis=1)
     known = np.isfinite(v[..., 0]) & np.isfinite(layout.T_hand[:, 0])
     several = known[:, : layout.pad_count].sum(axis=1) >= 2
-    known &= layout.independent
+    known &= with_arrows(result.ran)
     moving, slips = np.hypot(v[..., 0], v[..., 1]), slipping & np.isfinite(v[..., 0])
     speed = np.where(known & slipping, moving, 0.0).sum(axis=1)
     least = _DRAWN.share * np.quantile(moving[slips], _DRAWN.fast) if slips.any() else 0.0
