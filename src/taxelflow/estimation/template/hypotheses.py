@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -117,7 +118,7 @@ def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
     straight = [_straight(scanned, one) for one in solved if one.turns]
     straight = [one for one in straight if one.error <= REFUTED]
     level = [refined(scanned, one) for one in _as_heights(scanned, [*solved, *straight])]
-    deep = [refined(scanned, replace(one.copy(), depth=np.zeros(len(scanned)))) for one in level]
+    deep = [refined(scanned, replace(one.copy(), depth=np.zeros(len(scanned)))) for one in _minima(level, scanned)]
     clearly = 0.0
     if straight:  # of more fits, one may be cheaper by chance
         clearly = UNCONVERGED * len(scanned)
@@ -133,6 +134,15 @@ def _as_heights(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
     """Initial fits of patterns of heights, from those of pressure."""
     rigid = [one for one in solved if not one.grows] if len(scanned) >= ENOUGH_SCANS else []
     return [replace(one.copy(), pattern=as_heights(one.pattern), heights=True) for one in rigid]
+
+
+def _minima(fits: list[Solved], scanned: Scanned) -> list[Solved]:
+    """The fits, the cheapest first, without those that have reached the minimum of another one of their hypothesis."""
+    kept: list[tuple[float, Solved]] = []
+    for price, one in sorted(((cost(one, scanned), one) for one in fits), key=itemgetter(0)):
+        if all(other.kind != one.kind or price - least > UNCONVERGED * len(scanned) for least, other in kept):
+            kept.append((price, one))
+    return [one for _, one in kept]
 
 
 def _straight(scanned: Scanned, turned: Solved) -> Solved:
