@@ -66,12 +66,14 @@ def track(
     pad: str = "palm",
     contact: Bools | None = None,
     slipping: Bools | None = None,
+    ok: Bools | None = None,
 ) -> Track:
-    """Positions at 10 Hz from 0 s, in contact and not slipping by default."""
+    """Positions at 10 Hz from 0 s, ok, in contact and not slipping by default."""
     seconds = np.arange(len(x_m)) / 10 if t_s is None else t_s
     flags = {
         "contact": np.ones(len(x_m), dtype=np.bool_) if contact is None else contact,
         "slipping": np.zeros(len(x_m), dtype=np.bool_) if slipping is None else slipping,
+        "ok": np.ones(len(x_m), dtype=np.bool_) if ok is None else ok,
     }
     numbers = {"t_s": seconds, "x_m": x_m, "y_m": y_m, "lag_s": np.full(len(x_m), lag_s)}
     return Track(method, pad, numbers, flags)

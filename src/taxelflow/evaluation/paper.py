@@ -14,6 +14,7 @@ from taxelflow.evaluation.field import Field, true_twist
 from taxelflow.evaluation.limits import Limits
 from taxelflow.evaluation.strokes import PAPER_METHODS, Row
 from taxelflow.evaluation.table1 import PaperRow, Table1
+from taxelflow.messages import OK
 from taxelflow.pipeline import api
 from taxelflow.publish.figures import strokes_of
 from taxelflow.publish.plots.curve import curve_figure, table_figure
@@ -232,7 +233,11 @@ def _track(recording: Recording, method: str, pad: int) -> Track:
         "lag_s": slips.lag_s[:, pad],
         "load_pa": slips.load[:, pad],
     }
-    flags = {"contact": slips.contact[:, pad], "slipping": result.slipping[:, pad]}
+    flags = {
+        "contact": slips.contact[:, pad],
+        "slipping": result.slipping[:, pad],
+        "ok": slips.quality[:, pad] == OK,
+    }
     return Track(method, recording.layout.pads[pad], numbers, flags)
 
 

@@ -54,6 +54,16 @@ def test_positions_stand_where_they_were_true() -> None:
     np.testing.assert_allclose(points(figure, 0, LOOK["lnorm"]["label"])[:, 0], T - 0.05, atol=1e-9)
 
 
+def test_positions_that_are_not_ok_are_faint_and_the_title_explains_it() -> None:
+    figure = position_figure([track(THERE, STILL, ok=T < 1)])
+    sure, doubted = (points(figure, 0, label) for label in (LOOK["lnorm"]["label"], "_doubted"))
+    np.testing.assert_allclose(sure[:, 0], T[T < 1], atol=1e-9)
+    np.testing.assert_allclose(doubted[:, 0], T[T >= 1], atol=1e-9)
+    assert figure.axes[0].get_title(loc="right").endswith("faint: quality not ok")
+    assert legend(figure) == [LOOK["lnorm"]["label"]]
+    assert "faint" not in position_figure([track(THERE, STILL)]).axes[0].get_title(loc="right")
+
+
 @pytest.mark.parametrize(("x", "y", "labels"), [(THERE, STILL, "xy"), (STILL, THERE, "yx")])
 def test_the_direction_of_most_motion_stands_above(x: Floats, y: Floats, labels: str) -> None:
     figure = position_figure([track(x, y)])
@@ -77,7 +87,7 @@ def test_results_that_would_look_alike_differ_in_colour_and_by_a_number() -> Non
     figure = position_figure([track(THERE, STILL, method=method) for method in methods])
     assert legend(figure) == ["template", "registration", "L norm (Method I)", "L norm (Method I), 2"]
     assert [name.get_text() for name in figure.axes[3].get_yticklabels()] == [*methods[:3], "lnorm, 2"]
-    lines = figure.axes[0].lines[:4]
+    lines = [line for line in figure.axes[0].lines if line.get_label() in legend(figure)]
     assert len({str(line.get_color()) for line in lines}) == len({line.get_marker() for line in lines}) == 4
     assert same_color(lines[2].get_color(), LOOK["lnorm"]["color"])
 

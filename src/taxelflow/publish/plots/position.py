@@ -61,7 +61,10 @@ def position_figure(
         for track, style in zip(tracks, styles, strict=True):
             t_s, at_mm = track.t_s - start_s, 1e3 * track.position_m[:, component]
             size = 2.0 if np.isfinite(at_mm).sum() > POSITION.small_above else 4.0
-            axis.plot(t_s, at_mm, linestyle="none", markersize=size, markeredgewidth=0, alpha=0.85, **style)
+            ok, doubted = track.flags["ok"], style | {"label": "_doubted"}
+            for shown, alpha, look in ((~ok, 0.25, doubted), (ok, 0.85, style)):
+                own_s, own_mm = t_s[shown], at_mm[shown]
+                axis.plot(own_s, own_mm, linestyle="none", markersize=size, markeredgewidth=0, alpha=alpha, **look)
         axis.set_ylabel(f"{'xy'[component]} in mm")
     for track, style in zip(tracks, styles, strict=True):
         _draw_lines(axes[0], track, style, main, start_s, strokes)
@@ -79,6 +82,8 @@ def position_figure(
     _draw_load(axes[2], tracks[0], start_s)
     marked = draw_lanes(axes[3], tracks, styles, events, start_s)
     seen = ["bands: ± 1 standard deviation", "shaded: slip", *(words for kind, words in _MARKED if kind in marked)]
+    if any((np.isfinite(track.position_m[:, 0]) & ~track.flags["ok"]).any() for track in tracks):
+        seen.append("faint: quality not ok")
     axes[0].set_title("; ".join(seen), loc="right", fontsize=7, fontweight="normal")
     figure.align_ylabels(axes[:3])
     axes[3].set_xlabel("time in s")
