@@ -20,6 +20,7 @@ from taxelflow.publish.plots.pattern import Contact
 from taxelflow.publish.plots.style import pressure_unit
 from taxelflow.publish.results import (
     Track,
+    counted_once,
     drawn_once,
     read_events,
     read_motions,
@@ -117,8 +118,7 @@ def _by_pad(events: Sequence[Event]) -> dict[str, list[Event]]:
 
 def _busiest(summary: Summary, most: int = 4) -> list[str]:
     """Pads, and contacts that were split, with the longest contact first. most: number of them, at most."""
-    groups = {group.name for group in summary.layout.groups}  # they lie on pads
-    names = [name for name in drawn_once(summary) if name not in groups]
+    names = counted_once(summary)
     loaded = [(summary.pads[name].contact_scans, name) for name in names if summary.pads[name].contact_scans]
     if not loaded:
         lacks, cure = "contact at all, so there is nothing to draw", "the result's notes state its readings"

@@ -16,7 +16,7 @@ from taxelflow.publish.plots.outlines import extent_mm
 from taxelflow.publish.plots.style import BLUE, GREEN, MAGENTA, VERMILION, look
 from taxelflow.publish.report.charts import hand_chart, result_chart, truth_chart
 from taxelflow.publish.report.page import Report, Section, Sheet, write_report
-from taxelflow.publish.results import Track, drawn_once, read_events, read_result
+from taxelflow.publish.results import Track, counted_once, read_events, read_result
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -158,7 +158,7 @@ def _overview(results: Sequence[Shown]) -> Sheet:
     rows = []
     for result in results:
         ran = result.ran
-        once = {*drawn_once(ran)} - {group.name for group in ran.layout.groups}  # groups lie on pads
+        once = counted_once(ran)
         own = [track for track in result.tracks if track.pad in once]
         rows.append(
             [

@@ -16,7 +16,7 @@ from taxelflow.publish.plots.hand import at_contacts
 from taxelflow.publish.plots.outlines import box_mm
 from taxelflow.publish.report.charts import shades
 from taxelflow.publish.report.page import Sheet
-from taxelflow.publish.results import drawn_once, with_arrows
+from taxelflow.publish.results import counted_once, with_arrows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -154,7 +154,7 @@ def _moments(shown: Shown, label: str) -> list[_Moment]:
     largest = int(np.argmax(load))
     busiest = max(tracks, key=lambda track: float(np.nan_to_num(track.numbers["load_pa"][largest])))
     chosen = [_Moment(float(t_s[largest]), busiest.pad, "largest load")]
-    once = {*drawn_once(shown.ran)} - {group.name for group in shown.ran.layout.groups}  # groups lie on pads
+    once = counted_once(shown.ran)
     moved = [track for track in shown.tracks if track.pad in once]
     slips = [_slip(track, span, shown) for track in moved for span in spans(track.flags["slipping"])]
     for _, middle_s, pad, caption in sorted(slips, key=lambda slip: -slip[0]):

@@ -74,6 +74,12 @@ def drawn_once(ran: Summary) -> list[str]:
     ]
 
 
+def counted_once(ran: Summary) -> list[str]:
+    """`drawn_once` without groups, which lie on pads: whose motions add up."""
+    groups = {group.name for group in ran.layout.groups}
+    return [name for name in drawn_once(ran) if name not in groups]
+
+
 def with_arrows(ran: Summary) -> Bools:
     """(pads,): those whose slip vectors are drawn, see `Layout.independent`; contacts that were split for their pad."""
     layout, once = ran.layout.layout, set(drawn_once(ran))
