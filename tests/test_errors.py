@@ -17,7 +17,6 @@ FACTS: dict[str, tuple[object, ...]] = {
     "RecordingsAlike": ("a/x.npz", "b/x.npz", Path("out/x")),
     "BatchUnlike": (Path("out"), "method was 'lnorm', is 'sum'"),
     "ClusterFault": ("the scheduler was lost", "run the same command again"),
-    "OptionsUnknown": ("--speed", "3"),
     "WordsInvalid": ("missing value for argument '--to'; see taxelflow run --help",),
     "FormatUnknown": (Path("a.xyz"), [".npz", ".csv"]),
     "RecordingCorrupt": (Path("a.npz"), "it is empty", "record it again"),

@@ -25,7 +25,6 @@ from taxelflow import __version__
 from taxelflow.acquire.options import Recorded
 from taxelflow.errors import (
     NameUnknown,
-    OptionsUnknown,
     ParameterInvalid,
     RecordingsSeveral,
     written_at,
@@ -256,7 +255,7 @@ def _run(args: list[str]) -> int:
     words = args[: len(args) - len(own)]
     command, rest = parsed(Command, words, "taxelflow", description=DESCRIPTION, return_unknown_args=True)
     if rest and not isinstance(command, Estimating | Run | Design):
-        raise OptionsUnknown(*rest)
+        parsed(Command, words, "taxelflow", description=DESCRIPTION)  # raises, with the options that are alike
     code: int = command.run([*rest, *own])
     return code
 

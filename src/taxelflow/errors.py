@@ -17,7 +17,6 @@ TaxelflowError
 ├── PitchNeeded               a built-in sensor whose pitch the user has to give
 ├── GridNameInvalid           the name of a plain grid is malformed
 ├── NameUnknown               no sensor, estimator, ... of that name
-├── OptionsUnknown            words that a command has no option for
 ├── WordsInvalid              words of the command line that a command cannot take
 ├── ParameterInvalid          a parameter is out of range
 │   └── TipsOver              a simulated object does not stand
@@ -291,15 +290,8 @@ class NameUnknown(TaxelflowError):
         super().__init__(f"unknown {kind} {name!r}; {nearest(name, names)}known are {', '.join(names)}")
 
 
-class OptionsUnknown(TaxelflowError):
-    """Words of the command line that the command has no option for."""
-
-    def __init__(self, *words: str) -> None:
-        super().__init__(f"unrecognised options: {' '.join(words)}; see --help")
-
-
 class WordsInvalid(TaxelflowError):
-    """Words of the command line do not fit the command: one is missing, or is not of its type."""
+    """Words of the command line do not fit the command: one is missing, unknown, or not of its type."""
 
 
 class ParameterInvalid(TaxelflowError):

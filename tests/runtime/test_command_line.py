@@ -14,6 +14,7 @@ FAULTS = {
     "run rig:stroke --to": "missing value for argument '--to'. Expected 1 values; see taxelflow run --help",
     "score robustness --seeds 1.5": "error parsing --seeds: invalid literal for int() with base 10: '1.5'; see",
     "score": "expected one of {table1, hard, ",
+    "info x.npz --bogus 3": "unrecognized options: --bogus, 3; see",
     "design --rates 1": "unrecognized options: --rates, 1; see taxelflow design --help-sweep",
     "sensors --plot": "missing value for argument '--plot'",
 }

@@ -45,7 +45,7 @@ class Address:
         """Raises AddressInvalid, with an example, if there is a path, or a host that the example has none of."""
         if self.path:
             raise AddressInvalid(self.url, f"the path {self.path!r} has no meaning here", example)
-        if self.url.partition(":")[2].startswith("//") and "://" not in example:
+        if self.host and "://" not in example:
             raise AddressInvalid(self.url, f"the host {self.host!r} has no meaning here", example)
 
     def need_path(self, example: str) -> str:

@@ -206,9 +206,3 @@ def _register(store: Typestore, types: Any) -> None:
             if kind == Nodetype.ARRAY and not 0 < detail[1] <= _MOST_ELEMENTS:
                 raise ValueError(f"field {field} of {name} is an array of {detail[1]} elements")
     store.register(types)
-
-
-def seconds_of(ns: int) -> float:
-    """Nanoseconds since an epoch in s, to the nearest number: as a float they would be rounded to 256 ns first."""
-    whole, rest = divmod(ns, 10**9)
-    return whole + rest * 1e-9

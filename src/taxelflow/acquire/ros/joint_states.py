@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.acquire.joints import joints_of
-from taxelflow.acquire.ros.decode import Decoder, seconds_of
+from taxelflow.acquire.ros.decode import Decoder
 from taxelflow.acquire.ros.kinds import JOINT_STATE
 from taxelflow.errors import RecordingTruncated
+from taxelflow.numerics.clock import seconds
 
 if TYPE_CHECKING:
     from taxelflow.acquire.ros.topics import Source, Topic
@@ -46,5 +47,5 @@ def _collect(
         stamp_s, names, angles = decoder.named(content)
         for name, angle in zip(names, angles, strict=False):
             times, own = by_joint.setdefault(name, ([], []))
-            times.append(stamp_s if use_stamps else seconds_of(received_ns))
+            times.append(stamp_s if use_stamps else seconds(received_ns))
             own.append(angle)

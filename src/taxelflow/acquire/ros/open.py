@@ -14,7 +14,7 @@ from taxelflow.acquire.blocks import in_blocks
 from taxelflow.acquire.limits import scans_per_block
 from taxelflow.acquire.metadata import joints_text_in, masked_in, sensor_in, truth_in
 from taxelflow.acquire.ros.columns import columns_of
-from taxelflow.acquire.ros.decode import Decoder, seconds_of
+from taxelflow.acquire.ros.decode import Decoder
 from taxelflow.acquire.ros.joint_states import joints_in
 from taxelflow.acquire.ros.kinds import SCAN
 from taxelflow.acquire.ros.mcap import McapSource, seen
@@ -28,6 +28,7 @@ from taxelflow.errors import (
     TaxelflowError,
 )
 from taxelflow.messages import Floats, RawScans
+from taxelflow.numerics.clock import seconds
 from taxelflow.sensors.catalogue import builtin_sensors, load_sensor
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def _probe(
         for received_ns, content in islice(source.messages(topic), _CLOCK.probed):
             stamp, parts = _decoded(path, len(stamps), decoder, content)
             first, named = first or parts, named or decoder.part_names(content)
-            received_s.append(seconds_of(received_ns))
+            received_s.append(seconds(received_ns))
             stamps.append(stamp)
     except (RecordingTruncated, RecordingCorrupt) as error:
         if not stamps:
@@ -192,7 +193,7 @@ class _Reader:
             done += len(block)
 
     def _scans(self, block: list[tuple[int, bytes]], done: int) -> Iterator[RawScans]:
-        received_s = np.array([seconds_of(received_ns) for received_ns, _ in block])
+        received_s = seconds(np.array([received_ns for received_ns, _ in block]))
         contents = [content for _, content in block]
         uniform = self._uniform(contents)
         if uniform is not None:
