@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 PALM = grid_sensor(4, 7, unit="count")
 
 
-def grasp(peak: float, noise: float, idle: float = 0.0) -> Floats:
+UNEVEN = np.repeat(np.linspace(0.8, 1.2, 4), 7)
+"""Idle numbers with a structure, as a contact has: they are not tared."""
+
+
+def grasp(peak: float, noise: float, idle: float | Floats = 0.0) -> Floats:
     """40 idle scans, 40 with a dome that moves, in counts."""
     random = np.random.default_rng(1)
     touched = [dome(PALM, 0.0004 * k - 0.008, peak=peak) for k in range(40)]
@@ -58,17 +62,28 @@ def test_without_contact_the_note_gives_range_noise_and_threshold(tmp_path: Path
 
 
 def test_idle_numbers_far_below_0_are_noted_where_they_hide_the_contact(tmp_path: Path) -> None:
-    path = save(tmp_path / "a.npz", grasp(200.0, 1.0, idle=-150.0))
+    path = save(tmp_path / "a.npz", grasp(200.0, 1.0, idle=-150.0 * UNEVEN))
     (note,) = [one for one in notes_of(path) if one.startswith("no contact")]
-    assert "most are near -149" in note
+    assert "most are near -13" in note
     assert "above idle" not in note
     assert note.endswith("to the sensor file, or --condition.tare start")
     assert not any(one.startswith("no contact") for one in notes_of(path, grid_sensor(4, 7, unit="count", offset=-150)))
 
 
 def test_idle_numbers_far_above_0_are_noted_with_what_to_do(tmp_path: Path) -> None:
-    (note,) = [one for one in notes_of(save(tmp_path / "a.npz", grasp(200.0, 1.0, idle=50.0))) if "not tared" in one]
+    values = grasp(200.0, 1.0, idle=50.0 * UNEVEN)
+    (note,) = [one for one in notes_of(save(tmp_path / "a.npz", values)) if "not tared" in one]
     assert note.endswith("pad0; if nothing touched the sensor at the start, add --condition.tare start")
+
+
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+@pytest.mark.parametrize("idle", [-150.0, 50.0, 800.0])
+def test_idle_numbers_far_from_0_are_offsets_without_a_full_scale(tmp_path: Path, idle: float, mode: Any) -> None:
+    found = estimate(read(save(tmp_path / "a.npz", grasp(200.0, 1.0, idle=idle)), PALM), mode=mode)
+    assert not found.slips.contact[:40].any()
+    assert found.slips.contact[45:, 0].all()
+    assert found.slips.load[60, 0] == pytest.approx(dome(PALM, 0.0, peak=200.0).sum(), rel=0.05)
+    assert not any("not tared" in note for note in found.summary.notes)
 
 
 def test_numbers_that_fall_under_load_are_noted(tmp_path: Path) -> None:

@@ -45,10 +45,8 @@ class Baseline:
     findings: tuple[Finding, ...]
 
 
-def estimate_baseline(
-    parameters: ConditionSettings, sensor: Sensor, sample: Sample, masked: Bools, *, causal: bool
-) -> Baseline:
-    """Baseline from a sample. masked: (taxels,) declared off. causal: the sample is the first window of a stream."""
+def estimate_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sample, masked: Bools) -> Baseline:
+    """Baseline from a sample. masked: (taxels,) declared off."""
     layout = sensor.layout
     silent: Bools = np.zeros(layout.taxels, dtype=np.bool_)
     if len(sample):
@@ -63,7 +61,7 @@ def estimate_baseline(
         masked=masked,
         findings=findings,
     )
-    return _with_offsets(parameters, sensor, sample, nothing, causal=causal)
+    return _with_offsets(parameters, sensor, sample, nothing)
 
 
 def update_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline) -> Baseline:
@@ -73,12 +71,10 @@ def update_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sampl
     kept = [found for found in before.findings if before.masked[found.taxel] and found.taxel not in again]
     findings = tuple(sorted([*kept, *findings], key=attrgetter("taxel")))
     same = replace(before, noise=noise, masked=masked, findings=findings)
-    return _with_offsets(parameters, sensor, sample, same, causal=True)
+    return _with_offsets(parameters, sensor, sample, same)
 
 
-def _with_offsets(
-    parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline, *, causal: bool
-) -> Baseline:
+def _with_offsets(parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline) -> Baseline:
     """The baseline with offsets for the taxels whose offset was unknown.
 
     Offsets that would change by less than the noise stay: a new offset interrupts the motion of its pad.
@@ -86,9 +82,7 @@ def _with_offsets(
     layout, windows = sensor.layout, sample.windows
     if parameters.tare == "none" or not len(windows) or (before.known | before.masked).all():
         return before
-    reference = sensor.full_scale * sensor.to_si if sensor.full_scale else 0.0
-    if not causal:  # a stream does not know its largest reading yet
-        reference = max(reference, float(np.max(windows, initial=0.0, where=np.isfinite(windows))))
+    reference = sensor.full_scale * sensor.to_si if sensor.full_scale else np.inf
     offset, std, known, tared = before.offset.copy(), before.offset_std.copy(), before.known.copy(), before.tared.copy()
     near, cut = near_taxels(layout), lowest_reading(windows)
     for pad in range(layout.pad_count):
@@ -105,7 +99,7 @@ def _with_offsets(
                 before.masked[own],
                 near[own] - own.start,
                 layout.neighbours(pad),
-                reference=reference or np.inf,
+                reference=reference,
                 cut=cut,
             )
         if found is not None:

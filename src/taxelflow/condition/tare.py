@@ -1,8 +1,8 @@
 """Offset of idle taxels, estimated without mistaking a steady contact for an offset.
 
 A pad is idle where its sum is lowest, and only if the readings there stay, are small (all taxels below a share of the
-reference) and spatially unstructured: no taxel is an outlier, and neighbours differ as much as any two taxels. A
-contact is smooth; the offsets of taxels are not.
+full scale, if one is declared) and spatially unstructured: no taxel is an outlier, and neighbours differ as much as
+any two taxels. A contact is smooth; the offsets of taxels are not.
 A pad without idle windows has taxels that are unloaded in some scans (`resting.py`). They have the offsets of those
 scans, if these are small and unstructured as well; the others have the pad's median, and its spread as the standard
 deviation. A pad that is loaded everywhere from the first to the last scan keeps its readings as they are.
@@ -23,7 +23,8 @@ from taxelflow.numerics.robust import robust_std
 from taxelflow.numerics.rounding import CERTAIN, SIGNIFICANT
 
 MAX_OFFSET_SHARE = NEAR_LOAD_SHARE
-"""Largest offset as a share of the reference (full scale, or the largest reading): a larger one may be a load."""
+"""Largest offset as a share of the reference, the full scale: a larger one may be a load. Without a full scale shape
+alone decides about idle windows, and the largest reading is the reference of single taxels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +104,7 @@ def estimate_offset(
     """Offset of one pad (taxels,) in the unit of its readings, or None if none of its windows was idle.
 
     idle: (windows, scans, taxels) of this pad, see `idle_windows`. noise, masked: (taxels,). neighbours: (pairs, 2) of
-    taxels. reference: full scale or largest reading, in the same unit.
+    taxels. reference: full scale in the same unit; infinite if none is declared.
     """
     if not len(idle) or _always_changes(idle[:, :, ~masked], noise[~masked]):
         return None
@@ -186,7 +187,7 @@ def find_offsets(
     idle = idle_windows(windows, noise, masked)
     mean = estimate_offset(idle, noise, masked, neighbours, reference)
     if mean is None:
-        if not np.isfinite(reference):  # something is loaded: what a stream has read by now shows how far
+        if not np.isfinite(reference):  # something is loaded: the largest reading shows how far
             reference = float(np.max(windows, initial=0.0, where=np.isfinite(windows)))
         return at_rest(windows.reshape(-1, windows.shape[2]), reference=reference)
     by_mean = Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
