@@ -340,7 +340,17 @@ def test_a_line_that_is_no_scan_is_counted(line: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "line", ["0.1,1,2", "0.1;1;2", "0.1\t1\t2", " 0.1 1 2 ", "0.1, 1, 2\r", "\n\r\n# comment\n0.1,1,2"]
+    "line",
+    [
+        "0.1,1,2",
+        "0.1;1;2",
+        "0.1\t1\t2",
+        " 0.1 1 2 ",
+        "0.1, 1, 2\r",
+        "\n\r\n# comment\n0.1,1,2",
+        "\ufeff0.1,1,2",
+        "\ufeff# x\n0.1,1,2",
+    ],
 )
 def test_a_line_may_be_written_in_several_ways(line: str) -> None:
     faults = Faults()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 from typing import TYPE_CHECKING
 
@@ -70,7 +71,7 @@ class LineParser:
         return self.feed(b"\n") if self._rest else []
 
     def _scan(self, line: bytes) -> tuple[float | None, Floats] | None:
-        line = line.strip()
+        line = line.removeprefix(codecs.BOM_UTF8).strip()  # with which Windows begins what it pipes
         if not line or line.startswith(b"#"):
             return None
         wanted, numbers = self._columns + self._timed, _plain(line)
