@@ -57,7 +57,9 @@ def test_a_batch_does_what_is_missing_and_keeps_what_failed_until_asked(runs: Pa
 
     slides(runs, "broken.npz", "c.npz")
     assert batch() == 1
-    assert capsys.readouterr().out.startswith("4 recordings: 3 done (1 now, 2 before), 1 failed\n")
+    said = capsys.readouterr()
+    assert said.out.startswith("4 recordings: 3 done (1 now, 2 before), 1 failed\n")
+    assert said.err.endswith("\ntaxelflow: 1 of these failed before and was left out; --retry-failed repeats it\n")
     after = written(Path("out"))
     assert {name: after[name] for name in before if name != "manifest.csv"} == {
         name: content for name, content in before.items() if name != "manifest.csv"

@@ -44,14 +44,16 @@ _PRINTED = _Printed()
 class Report:
     """What became of a batch.
 
-    failed: rows of its recordings that failed, now or before. seconds, recorded_s: processor time and length of the
-    recordings that were estimated on workers which had estimated before.
+    failed: rows of its recordings that failed, now or before. left: how many of these failed before and were left out.
+    seconds, recorded_s: processor time and length of the recordings that were estimated on workers which had estimated
+    before.
     """
 
     directory: Path
     recordings: int
     before: int = 0
     now: int = 0
+    left: int = 0
     failed: list[Row] = field(default_factory=list)
     seconds: float = 0.0
     recorded_s: float = 0.0
@@ -80,6 +82,9 @@ class Report:
         listed = [f"failed: {row.recording}: {row.message}" for row in self.failed[: _PRINTED.listed]]
         if (more := len(self.failed) - _PRINTED.listed) > 0:
             listed.append(f"{more} more failed: see {self.directory / MANIFEST}")
+        if self.left:
+            were, them = ("was", "it") if self.left == 1 else ("were", "them")
+            listed.append(f"{self.left} of these failed before and {were} left out; --retry-failed repeats {them}")
         return listed
 
 
@@ -103,7 +108,8 @@ def run_batch(
     with Manifest(out / MANIFEST) as manifest:
         missing = _missing(recordings, out, manifest, retry_failed=retry_failed)
         settled = [path for name, path in recordings.items() if name not in missing]
-        report.before = len(settled) - len(manifest.of(settled, "failed"))
+        report.left = len(manifest.of(settled, "failed"))
+        report.before = len(settled) - report.left
         _check_settings(out, settings, fresh=not any(row.status == "done" for row in manifest.rows.values()))
         if missing:
             _estimate(missing, settings, (scheduler, workers), manifest, report)
