@@ -44,6 +44,24 @@ def test_lines_on_standard_input_become_json_lines_and_nothing_else_on_standard_
     assert b"scans in: 80" in done.stderr
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("url", ["jsonl:/dev/stdout", "jsonl:a.jsonl"])
+def test_totals_leave_a_file_alone_that_standard_output_is_redirected_to(url: str, sensor: str, tmp_path: Path) -> None:
+    with (tmp_path / "a.jsonl").open("wb") as redirected:
+        done = subprocess.run(
+            [*COMMAND, "run", "stdin:", "--sensor", sensor, "--to", url],
+            cwd=tmp_path,
+            input=b"".join(lines(slid())),
+            stdout=redirected,
+            stderr=subprocess.PIPE,
+            timeout=100,
+            check=True,
+        )
+    written = (tmp_path / "a.jsonl").read_bytes().splitlines()
+    assert [json.loads(line)["t_s"] for line in written] == slid().t_s.tolist()
+    assert b"scans in: 80" in done.stderr
+
+
 def scans_in(path: Path) -> int:
     """Scans that can be read of a recording that is being written."""
     try:

@@ -52,6 +52,7 @@ class FromSource:
 
     def run(self, rest: list[str]) -> int:
         """Run until the source ends or a signal asks for the end; print the totals."""
+        from taxelflow.pipeline.live.files import take_output
         from taxelflow.pipeline.live.status import say_totals
         from taxelflow.runtime.signals import EndedEarly, Signals
 
@@ -61,13 +62,9 @@ class FromSource:
             except EndedEarly:
                 print("taxelflow: ended before the source was open", file=sys.stderr)
                 return 0
-            say_totals(report, sys.stderr if self._takes_output else sys.stdout)
+            sinks = {worker.label: worker.sink for worker in report.workers}
+            say_totals(report, sys.stderr if take_output(sinks) else sys.stdout)
         return 0
-
-    @property
-    def _takes_output(self) -> bool:
-        """Whether standard output holds results."""
-        return False
 
     def _report(self, rest: list[str], signals: Signals) -> Report:
         """Open, and run to the end."""
@@ -109,10 +106,6 @@ class Run(FromSource):
     condition: Conditioner = field(default_factory=Conditioner)
     monitor: SlipMonitor = field(default_factory=SlipMonitor)
     smooth: Smoothing = field(default_factory=Smoothing)
-
-    @property
-    def _takes_output(self) -> bool:
-        return "jsonl:-" in self.to
 
     def _report(self, rest: list[str], signals: Signals) -> Report:
         from taxelflow.pipeline.live.adoptions import asked_adoptions

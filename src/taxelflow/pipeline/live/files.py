@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from taxelflow.acquire.devices.base import Source
 
-_STANDARD_INPUT = Path("/dev/stdin")
+_STANDARD_INPUT, _STANDARD_OUTPUT = Path("/dev/stdin"), Path("/dev/stdout")
 
 
 def check_files(sinks: Mapping[str, Any], source: Source | None = None) -> None:
@@ -26,6 +26,12 @@ def check_files(sinks: Mapping[str, Any], source: Source | None = None) -> None:
     for url, path in written:
         if read is not None and (_are_one(path, read) or _is_inside(path, read)):
             raise AddressInvalid(url, "the run reads this file", "another file to write")
+
+
+def take_output(sinks: Mapping[str, Any]) -> bool:
+    """Whether one of the sinks, by URL, writes to standard output, or to the file that this is redirected to."""
+    files = (path for sink in sinks.values() for path in getattr(sink, "files", ()))
+    return "jsonl:-" in sinks or any(_are_one(path, _STANDARD_OUTPUT) for path in files)
 
 
 def _is_lasting(path: Path) -> bool:
