@@ -181,15 +181,16 @@ def find_offsets(
 
     windows: (windows, scans, taxels). The rest is as in `estimate_offset` and `rest_offset`.
     """
+    idle = idle_windows(windows, noise, masked)
+    mean = estimate_offset(idle, noise, masked, neighbours, reference)
+    if not np.isfinite(reference) and (mean is None or len(idle) < len(windows)):
+        # Something is loaded: the largest reading shows how far.
+        reference = float(np.max(windows, initial=0.0, where=np.isfinite(windows)))
     at_rest = partial(
         rest_offset, noise=noise, masked=masked, near=near, neighbours=neighbours, reference=reference, cut=cut
     )
-    idle = idle_windows(windows, noise, masked)
-    mean = estimate_offset(idle, noise, masked, neighbours, reference)
     if mean is None:
-        if not np.isfinite(reference):  # something is loaded: the largest reading shows how far
-            reference = float(np.max(windows, initial=0.0, where=np.isfinite(windows)))
-        return at_rest(windows.reshape(-1, windows.shape[2]), reference=reference)
+        return at_rest(windows.reshape(-1, windows.shape[2]))
     by_mean = Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
     if (idle[:, :, ~masked] <= cut).mean() < _IDLE.clipped_share:
         return by_mean
