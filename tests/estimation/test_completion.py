@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 from synthetic import assert_same, dome, grid_sensor
 from taxelflow.errors import EstimatorBroken
 from taxelflow.estimation.completion import SlipsSession
-from taxelflow.messages import Estimates, Scans, cut, joined
+from taxelflow.messages import AMBIGUOUS, NO_POSE, OK, Estimates, Scans, cut, joined
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from taxelflow.messages import Floats
 
 PALM = grid_sensor(4, 7)
 
@@ -52,6 +54,55 @@ def test_slips_are_the_same_however_long_estimates_are_held_back(rows: list[int]
     parts = [late.step(cut(scans, start, start + 6)) for start in range(0, 24, 6)]
     assert [len(part) for part in parts] == rows
     assert_same(joined([*parts, late.finish()]), joined([at_once.step(scans), at_once.finish()]))
+
+
+class Placed:
+    """Poses at 0 that their method calls ok."""
+
+    def step(self, scans: Scans) -> Estimates:
+        found = Estimates.unknown(scans)
+        found.pose[:], found.quality[:] = 0.0, OK
+        return found
+
+    def finish(self) -> Estimates:
+        return Estimates.unknown(scans_of(0))
+
+
+def judged(load: Floats, *, x: float = 0.0, unseen_error: float = 0.05, block: int = 7) -> list[int]:
+    """Qualities of poses of a dome at x that is pressed so hard in scans at 50 Hz; 0: without contact."""
+    count = len(load)
+    palm = grid_sensor(9, 9, unseen_error=unseen_error)
+    touched = (load > 0)[:, np.newaxis]
+    pressure = load[:, np.newaxis] * dome(palm, x, radius_m=0.008)
+    scans = Scans(np.arange(count) / 50, pressure, np.full(81, 1.0), np.full(81, np.inf), touched, touched)
+    session = SlipsSession(Placed(), palm.layout)
+    quality = joined([session.step(cut(scans, k, min(k + block, count))) for k in range(0, count, block)]).quality
+    return np.where(touched, quality, NO_POSE)[:, 0].tolist()
+
+
+RISE = np.linspace(0.05, 1.0, 20)
+
+
+@given(st.integers(1, 200))
+def test_a_pose_is_ambiguous_while_its_contact_forms(block: int) -> None:
+    quality = judged(np.concatenate([RISE, np.ones(60), np.zeros(5), RISE, np.ones(60)]), block=block)
+    formed = quality.index(OK)
+    assert 25 < formed < 45  # half the time of its rise later, and 0.1 s
+    assert quality[:80] == [AMBIGUOUS] * formed + [OK] * (80 - formed)
+    assert quality[85:] == quality[:80]
+
+
+def test_a_contact_whose_load_is_multiplied_forms_again() -> None:
+    load = np.concatenate([np.full(100, 0.2), np.ones(100), np.full(50, 1.5)])
+    quality = judged(load)
+    assert quality[20:100] == [OK] * 80
+    assert quality[100:105] == [AMBIGUOUS] * 5
+    assert quality[120:] == [OK] * 130
+
+
+def test_poses_of_contacts_that_form_stay_ok_without_an_unseen_error_or_over_a_border() -> None:
+    assert set(judged(RISE, unseen_error=0.0)) == {OK}
+    assert set(judged(RISE, x=0.035)) == {OK}
 
 
 def test_an_estimator_that_gives_more_rows_than_scans_is_named() -> None:

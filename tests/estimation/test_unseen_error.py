@@ -49,10 +49,13 @@ def test_centroids_that_know_noise_only_are_far_off_what_they_state() -> None:
     assert nees("convolution", 0, 0.0) > 3.0
 
 
-def test_unseen_errors_change_poses_beside_a_rest_and_their_covariance_only() -> None:
+def test_unseen_errors_change_poses_beside_a_rest_their_covariance_and_the_quality_of_what_forms_only() -> None:
     values, t_s = slide(0), np.arange(40 + len(X_M)) / 50.0
     faulty, faultless = (api.estimate(recorded(values, one, t_s), "convolution").slips for one in (FAULTY, FAULTLESS))
-    assert_same(replace(faulty, pose=faultless.pose, covariance=faultless.covariance), faultless)
+    same = {"pose": faultless.pose, "covariance": faultless.covariance, "quality": faultless.quality}
+    assert_same(replace(faulty, **same), faultless)
+    formed = np.flatnonzero(faulty.contact[:, 0])[0] + 5  # 0.1 s later
+    assert (faulty.quality[formed:] == faultless.quality[formed:]).all()
     touched = faulty.contact[:, 0] & np.isfinite(faulty.pose[:, 0, 0])
     assert (faulty.covariance[touched, 0, 0, 0] > faultless.covariance[touched, 0, 0, 0]).all()
     assert faulty.unseen is None

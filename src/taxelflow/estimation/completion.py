@@ -1,11 +1,11 @@
 """Completes a method's estimates to slips, with all that depends on scan and layout only.
 
-That is contact, border, load, the quality of cut contacts, and the error that noise does not show.
+That is contact, border, load, the quality of contacts that are cut or form, and the error that noise does not show.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from taxelflow.messages import (
     joined,
     no_scans,
 )
+from taxelflow.numerics.bins import BIN_S
+from taxelflow.numerics.clock import SAME_S
 from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.border import Boundary
 
@@ -45,6 +47,19 @@ _SHAPES = {
     "quality": (),
 }
 """Shapes of an estimator's results, after scans and pads."""
+
+
+class _Forming(NamedTuple):
+    """When a contact forms."""
+
+    level: float = 2.0 / 3.0
+    """It has formed when its mean load before a scan has been this share of that scan's for a bin's time. A load that
+    rises steadily from 0 stays below a half, and reaches this once half the time of its rise has passed again."""
+    again: float = 3.0
+    """It forms again above this many times its mean load: what touched then is a small part of what touches now."""
+
+
+_FORMING = _Forming()
 _FORM = "Estimates.unknown(scans), with what is known filled in"
 
 
@@ -71,7 +86,8 @@ class SlipsSession:
         self._unseen = UnseenError(layout, gains) if layout.unseen_error and not judges(session) else None
         self._none = self._footprint(no_scans(layout.entries, len(layout.pads)))  # compiles the kernels
         pads = self._none.border.shape
-        judge_cut(np.zeros((*pads[:2], 3)), self._none.border, np.zeros(pads[:2], np.uint8))
+        self._forms = np.zeros((pads[1], 4)) if layout.unseen_error else None
+        self._judged(Slips.of(self._none, Estimates.unknown(no_scans(layout.entries, pads[1]))))
         self._held: list[Footprint] = []
         self._checked = False
 
@@ -107,9 +123,9 @@ class SlipsSession:
             raise EstimatorBroken(type(self._session).__name__, seen, remedy)
         if count == len(footprint):
             self._held = []
-            return _judged(Slips.of(footprint, estimates))
+            return self._judged(Slips.of(footprint, estimates))
         self._held = [cut(footprint, count, len(footprint))]
-        return _judged(Slips.of(cut(footprint, 0, count), estimates))
+        return self._judged(Slips.of(cut(footprint, 0, count), estimates))
 
     def _check(self, estimates: Estimates) -> None:
         """Raises EstimatorBroken for what is no estimates, or for shapes that kernels would read beyond."""
@@ -124,11 +140,12 @@ class SlipsSession:
                 raise EstimatorBroken(name, f"{field} of shape {seen}", f"it must be {wanted}: begin with {_FORM}")
         self._checked = True
 
-
-def _judged(slips: Slips) -> Slips:
-    """The same, those judged that their method has not."""
-    judge_cut(slips.pose, slips.border, slips.quality)
-    return slips
+    def _judged(self, slips: Slips) -> Slips:
+        """The same, those judged that their method has not, and those of contacts that form."""
+        judge_cut(slips.pose, slips.border, slips.quality)
+        if self._forms is not None:
+            judge_forming(slips.t_s, slips.contact, slips.load, slips.border, self._forms, slips.quality)
+        return slips
 
 
 @kernel
@@ -141,3 +158,36 @@ def judge_cut(pose: Floats, border: Bools, quality: Bytes) -> None:
         for pad in range(quality.shape[1]):
             if quality[scan, pad] == NO_POSE and np.isfinite(pose[scan, pad, 0]):
                 quality[scan, pad] = AMBIGUOUS if border[scan, pad, 0] or border[scan, pad, 1] else OK
+
+
+@kernel
+def judge_forming(t_s: Floats, contact: Bools, load: Floats, border: Bools, forms: Floats, quality: Bytes) -> None:
+    """A pose that is ok is ambiguous while its contact forms: what touches first lies beside the middle of the whole.
+
+    Not where a border cuts the contact: an object that slides in over it grows as it moves. t_s: (scans,). contact,
+    load: (scans, pads). border: (scans, pads, 2). forms: (pads, 4), sum of the contact's loads, their number, since
+    when its load has been steady, s, and whether it has formed; updated. quality: (scans, pads), index in `QUALITY`,
+    updated.
+    """
+    for scan in range(quality.shape[0]):
+        for pad in range(quality.shape[1]):
+            own, now = forms[pad], load[scan, pad]
+            if not contact[scan, pad]:
+                own[:] = 0.0
+            elif now > 0.0:
+                _follow_load(t_s[scan], now, own)
+            if quality[scan, pad] == OK and not (own[3] or border[scan, pad, 0] or border[scan, pad, 1]):
+                quality[scan, pad] = AMBIGUOUS
+
+
+@kernel
+def _follow_load(t_s: float, load: float, own: Floats) -> None:
+    """Follow whether a contact has formed, by the load of one more scan. own: (4,), see `judge_forming`."""
+    if own[3] and load * own[1] > _FORMING.again * own[0]:
+        own[:] = 0.0
+    if not own[3]:
+        if own[1] == 0.0 or own[0] < _FORMING.level * load * own[1]:
+            own[2] = t_s
+        own[3] = t_s - own[2] > BIN_S - SAME_S
+    own[0] += load
+    own[1] += 1.0
