@@ -113,9 +113,9 @@ def test_a_pad_of_few_neighbours_is_idle_only_within_its_noise(level: float, fou
     assert (offset is not None) == found
 
 
-def offset_of(windows: Floats, noise: float = 1.0, reference: float = 1e6) -> Floats | None:
+def offset_of(windows: Floats, noise: float = 1.0, scale: float = 1e6) -> Floats | None:
     each = np.full(36, noise)
-    return estimate_offset(idle_windows(windows, each, ALL), each, ALL, PAIRS, reference)
+    return estimate_offset(idle_windows(windows, each, ALL), each, ALL, PAIRS, scale)
 
 
 @pytest.mark.parametrize(("change", "idle"), [(5.5, True), (6.5, False)])
@@ -123,13 +123,13 @@ def test_a_window_in_which_a_taxel_changes_is_not_idle(change: float, idle: bool
     """Feet on coarse taxels are as unstructured as offsets; while they slide their taxels change."""
     window = np.tile(100.0 * CHECKERBOARD, (1, 12, 1))
     window[:, 6:, 7] += change * np.sqrt(1 / 6 + 1 / 6)  # standard deviations of the difference of both halves
-    assert (offset_of(window, reference=np.inf) is not None) == idle
+    assert (offset_of(window, scale=np.inf) is not None) == idle
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("share", "found"), [(0.099, True), (0.101, False)])
-def test_an_offset_is_below_a_tenth_of_the_reference(share: float, found: bool, sign: int) -> None:
-    assert (offset_of(np.full((3, 12, 36), sign * share * 500.0), reference=500.0) is not None) == found
+def test_an_offset_is_below_a_tenth_of_the_full_scale(share: float, found: bool, sign: int) -> None:
+    assert (offset_of(np.full((3, 12, 36), sign * share * 500.0), scale=500.0) is not None) == found
 
 
 @pytest.mark.parametrize(("sigmas", "used"), [(5.9, True), (6.1, False)])
@@ -174,7 +174,9 @@ def test_a_masked_taxel_has_no_offset_and_is_not_judged() -> None:
 def offsets_of(readings: Floats, cut: float = -1e9, reference: float = 1e4) -> Offsets | None:
     """By all rules together. readings: (scans, taxels), twelve scans a window, whose noise is 1."""
     windows = readings.reshape(-1, 12, 36)
-    return find_offsets(windows, np.ones(36), ALL, near_taxels(SQUARE), PAIRS, reference=reference, cut=cut)
+    return find_offsets(
+        windows, np.ones(36), ALL, near_taxels(SQUARE), PAIRS, scale=np.inf, reference=reference, cut=cut
+    )
 
 
 @pytest.mark.parametrize(("rows", "columns", "found"), [(3, 4, True), (2, 5, False)])
@@ -226,7 +228,9 @@ def test_offsets_need_two_taxels_that_are_unloaded_at_any_time(taxels: int, foun
     load = np.linspace(2000.0, 4000.0, 24)[:, np.newaxis] * (np.arange(taxels) == taxels - 1)
     windows = (load + random.normal(0, 0.5, load.shape)).reshape(2, 12, taxels)
     none, near = np.zeros(taxels, dtype=np.bool_), near_taxels(layout)
-    offsets = find_offsets(windows, np.ones(taxels), none, near, layout.neighbours(0), reference=1e4, cut=-1e9)
+    offsets = find_offsets(
+        windows, np.ones(taxels), none, near, layout.neighbours(0), scale=np.inf, reference=1e4, cut=-1e9
+    )
     assert (offsets is not None) == found
     assert offsets is None or offsets.known.tolist() == [True, True, False, False]
 
@@ -298,7 +302,9 @@ def test_a_masked_taxel_of_a_pad_that_is_never_idle_has_neither_offset_nor_devia
     masked = np.isin(np.arange(36), [3, 20])
     bias = np.random.default_rng(2).normal(100, 20, 36)
     windows = np.where(masked, np.nan, rocking(bias)).reshape(-1, 12, 36)
-    offsets = find_offsets(windows, np.ones(36), masked, near_taxels(SQUARE), PAIRS, reference=1e4, cut=-1e9)
+    offsets = find_offsets(
+        windows, np.ones(36), masked, near_taxels(SQUARE), PAIRS, scale=np.inf, reference=1e4, cut=-1e9
+    )
     assert offsets is not None
     far = (SQUARE.col > 2) & ~masked
     np.testing.assert_allclose(offsets.offset[far], bias[far], atol=1.0)

@@ -45,8 +45,10 @@ class Baseline:
     findings: tuple[Finding, ...]
 
 
-def estimate_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sample, masked: Bools) -> Baseline:
-    """Baseline from a sample. masked: (taxels,) declared off."""
+def estimate_baseline(
+    parameters: ConditionSettings, sensor: Sensor, sample: Sample, masked: Bools, *, causal: bool
+) -> Baseline:
+    """Baseline from a sample. masked: (taxels,) declared off. causal: the sample is the first window of a stream."""
     layout = sensor.layout
     silent: Bools = np.zeros(layout.taxels, dtype=np.bool_)
     if len(sample):
@@ -61,7 +63,7 @@ def estimate_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sam
         masked=masked,
         findings=findings,
     )
-    return _with_offsets(parameters, sensor, sample, nothing)
+    return _with_offsets(parameters, sensor, sample, nothing, causal=causal)
 
 
 def update_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline) -> Baseline:
@@ -71,10 +73,12 @@ def update_baseline(parameters: ConditionSettings, sensor: Sensor, sample: Sampl
     kept = [found for found in before.findings if before.masked[found.taxel] and found.taxel not in again]
     findings = tuple(sorted([*kept, *findings], key=attrgetter("taxel")))
     same = replace(before, noise=noise, masked=masked, findings=findings)
-    return _with_offsets(parameters, sensor, sample, same)
+    return _with_offsets(parameters, sensor, sample, same, causal=True)
 
 
-def _with_offsets(parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline) -> Baseline:
+def _with_offsets(
+    parameters: ConditionSettings, sensor: Sensor, sample: Sample, before: Baseline, *, causal: bool
+) -> Baseline:
     """The baseline with offsets for the taxels whose offset was unknown.
 
     Offsets that would change by less than the noise stay: a new offset interrupts the motion of its pad.
@@ -82,7 +86,11 @@ def _with_offsets(parameters: ConditionSettings, sensor: Sensor, sample: Sample,
     layout, windows = sensor.layout, sample.windows
     if parameters.tare == "none" or not len(windows) or (before.known | before.masked).all():
         return before
-    reference = sensor.full_scale * sensor.to_si if sensor.full_scale else np.inf
+    scale = sensor.full_scale * sensor.to_si if sensor.full_scale else np.inf
+    reference = scale
+    if not causal:  # a stream does not know its largest reading yet
+        largest = float(np.max(windows, initial=0.0, where=np.isfinite(windows)))
+        reference = max(largest, scale if np.isfinite(scale) else 0.0) or np.inf
     offset, std, known, tared = before.offset.copy(), before.offset_std.copy(), before.known.copy(), before.tared.copy()
     near, cut = near_taxels(layout), lowest_reading(windows)
     for pad in range(layout.pad_count):
@@ -99,6 +107,7 @@ def _with_offsets(parameters: ConditionSettings, sensor: Sensor, sample: Sample,
                 before.masked[own],
                 near[own] - own.start,
                 layout.neighbours(pad),
+                scale=scale,
                 reference=reference,
                 cut=cut,
             )

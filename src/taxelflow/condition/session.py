@@ -157,7 +157,7 @@ class ConditionSession:
     def _estimate_baseline(self, usual_s: float) -> None:
         """Estimate the baseline from the sample. usual_s: time from one new scan to the next, NaN if unknown."""
         parameters = self._parameters
-        baseline = estimate_baseline(parameters, self._sensor, self.sample, self._masked)
+        baseline = estimate_baseline(parameters, self._sensor, self.sample, self._masked, causal=self._causal)
         if (parameters.lowpass_hz or parameters.median_scans > 1) and usual_s > 0:
             from taxelflow.condition.filters import Filters
 

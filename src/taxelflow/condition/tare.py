@@ -23,8 +23,8 @@ from taxelflow.numerics.robust import robust_std
 from taxelflow.numerics.rounding import CERTAIN, SIGNIFICANT
 
 MAX_OFFSET_SHARE = NEAR_LOAD_SHARE
-"""Largest offset as a share of the reference, the full scale: a larger one may be a load. Without a full scale shape
-alone decides about idle windows, and the largest reading is the reference of single taxels."""
+"""Largest offset as a share of the full scale, if one is declared; for taxels that are idle at times, of the reference
+(full scale, or the largest reading). A larger one may be a load."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,19 +99,19 @@ def idle_windows(windows: Floats, noise: Floats, masked: Bools) -> Floats:
 
 
 def estimate_offset(
-    idle: Floats, noise: Floats, masked: Bools, neighbours: NDArray[np.int64], reference: float
+    idle: Floats, noise: Floats, masked: Bools, neighbours: NDArray[np.int64], scale: float
 ) -> Floats | None:
     """Offset of one pad (taxels,) in the unit of its readings, or None if none of its windows was idle.
 
     idle: (windows, scans, taxels) of this pad, see `idle_windows`. noise, masked: (taxels,). neighbours: (pairs, 2) of
-    taxels. reference: full scale in the same unit; infinite if none is declared.
+    taxels. scale: full scale in the same unit; infinite if none is declared.
     """
     if not len(idle) or _always_changes(idle[:, :, ~masked], noise[~masked]):
         return None
     offset = np.zeros(len(masked))
     offset[~masked] = idle[:, :, ~masked].mean(axis=(0, 1))
     offset_std = float(noise.max()) / np.sqrt(idle.shape[0] * idle.shape[1])
-    small = np.abs(offset).max() <= MAX_OFFSET_SHARE * reference
+    small = np.abs(offset).max() <= MAX_OFFSET_SHARE * scale
     return offset if small and is_unstructured(offset, masked, neighbours, offset_std) else None
 
 
@@ -171,6 +171,7 @@ def find_offsets(
     near: NDArray[np.int64],
     neighbours: NDArray[np.int64],
     *,
+    scale: float,
     reference: float,
     cut: float,
 ) -> Offsets | None:
@@ -181,16 +182,15 @@ def find_offsets(
 
     windows: (windows, scans, taxels). The rest is as in `estimate_offset` and `rest_offset`.
     """
-    idle = idle_windows(windows, noise, masked)
-    mean = estimate_offset(idle, noise, masked, neighbours, reference)
-    if not np.isfinite(reference) and (mean is None or len(idle) < len(windows)):
-        # Something is loaded: the largest reading shows how far.
-        reference = float(np.max(windows, initial=0.0, where=np.isfinite(windows)))
     at_rest = partial(
         rest_offset, noise=noise, masked=masked, near=near, neighbours=neighbours, reference=reference, cut=cut
     )
+    idle = idle_windows(windows, noise, masked)
+    mean = estimate_offset(idle, noise, masked, neighbours, scale)
     if mean is None:
-        return at_rest(windows.reshape(-1, windows.shape[2]))
+        if not np.isfinite(reference):  # something is loaded: what a stream has read by now shows how far
+            reference = float(np.max(windows, initial=0.0, where=np.isfinite(windows)))
+        return at_rest(windows.reshape(-1, windows.shape[2]), reference=reference)
     by_mean = Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
     if (idle[:, :, ~masked] <= cut).mean() < _IDLE.clipped_share:
         return by_mean
@@ -215,7 +215,8 @@ def rest_offset(
     """Offsets of one pad from the scans in which a taxel and its neighbours are unloaded; None if too few ever are.
 
     readings: (scans, taxels), NaN where missing. near: (taxels, most), see `near_taxels`. cut: readings that would be
-    lower are clipped. The rest is as in `estimate_offset`.
+    lower are clipped. reference: full scale or largest reading, in the same unit; infinite if unknown. The rest is as
+    in `estimate_offset`.
     """
     live = ~masked
     used = np.where(live & np.isfinite(readings), readings, np.nan)
