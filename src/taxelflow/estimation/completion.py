@@ -164,10 +164,10 @@ def judge_cut(pose: Floats, border: Bools, quality: Bytes) -> None:
 def judge_forming(t_s: Floats, contact: Bools, load: Floats, border: Bools, forms: Floats, quality: Bytes) -> None:
     """A pose that is ok is ambiguous while its contact forms: what touches first lies beside the middle of the whole.
 
-    Not where a border cuts the contact: an object that slides in over it grows as it moves. t_s: (scans,). contact,
-    load: (scans, pads). border: (scans, pads, 2). forms: (pads, 4), sum of the contact's loads, their number, since
-    when its load has been steady, s, and whether it has formed; updated. quality: (scans, pads), index in `QUALITY`,
-    updated.
+    Where a border cuts the contact it forms once: an object that slides in over it grows as it moves. t_s: (scans,).
+    contact, load: (scans, pads). border: (scans, pads, 2). forms: (pads, 4), sum of the contact's loads, their number,
+    since when its load has been steady, s, and whether it has formed; updated. quality: (scans, pads), index in
+    `QUALITY`, updated.
     """
     for scan in range(quality.shape[0]):
         for pad in range(quality.shape[1]):
@@ -175,15 +175,15 @@ def judge_forming(t_s: Floats, contact: Bools, load: Floats, border: Bools, form
             if not contact[scan, pad]:
                 own[:] = 0.0
             elif now > 0.0:
-                _follow_load(t_s[scan], now, own)
-            if quality[scan, pad] == OK and not (own[3] or border[scan, pad, 0] or border[scan, pad, 1]):
+                _follow_load(t_s[scan], now, border[scan, pad, 0] or border[scan, pad, 1], own)
+            if quality[scan, pad] == OK and not own[3]:
                 quality[scan, pad] = AMBIGUOUS
 
 
 @kernel
-def _follow_load(t_s: float, load: float, own: Floats) -> None:
+def _follow_load(t_s: float, load: float, is_cut: bool, own: Floats) -> None:
     """Follow whether a contact has formed, by the load of one more scan. own: (4,), see `judge_forming`."""
-    if own[3] and load * own[1] > _FORMING.again * own[0]:
+    if own[3] and not is_cut and load * own[1] > _FORMING.again * own[0]:
         own[:] = 0.0
     if not own[3]:
         if own[1] == 0.0 or own[0] < _FORMING.level * load * own[1]:

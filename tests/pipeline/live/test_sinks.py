@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import stat
 import threading
 import time
@@ -20,7 +21,7 @@ from costly import mostly_long
 from streaming import PALM, connected, free_port, lines, published, running, slid
 from taxelflow import load_sensor
 from taxelflow.acquire.devices.base import Faults
-from taxelflow.errors import AddressInvalid
+from taxelflow.errors import AddressInvalid, PortTaken
 from taxelflow.messages import cut
 from taxelflow.numerics.geometry import rotation
 from taxelflow.pipeline.live import workers
@@ -414,6 +415,15 @@ def test_a_named_pipe_without_a_reader_is_reported_at_the_end(tmp_path: Path, mo
 def test_a_port_that_does_not_exist_is_refused(scheme: str) -> None:
     with pytest.raises(AddressInvalid, match=f"cannot use '{scheme}://127.0.0.1:99999': Port out of range 0-65535"):
         opened_sinks((f"{scheme}://127.0.0.1:99999",))
+
+
+@pytest.mark.parametrize("scheme", ["jsonl-listen", "foxglove"])
+def test_a_port_that_is_taken_is_named(scheme: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        url = f"{scheme}://127.0.0.1:{other.getsockname()[1]}"
+        sink = registry.find("sink", scheme)(parse_address(url))
+        with pytest.raises(PortTaken, match=f"cannot open {url}: port [0-9]+ is taken by another program"):
+            sink.open(Head(PALM, PALM.layout.pads, {}, Faults().report))
 
 
 def test_latencies_are_within_a_bin() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from taxelflow.errors import ExtraMissing, SinkUnusable
+from taxelflow.errors import ExtraMissing, PortTaken, SinkUnusable
 from taxelflow.numerics.clock import nanoseconds
 from taxelflow.publish.sinks.foxglove_messages import Drawing
 from taxelflow.publish.sinks.json_topics import SCHEMAS, json_schema
@@ -74,7 +74,10 @@ class FoxgloveServer:
                 message_backlog_size=_SERVER.backlog,
             )
         except (RuntimeError, OSError) as error:
-            raise SinkUnusable(f"foxglove://{authority(self._host, self._port)}", str(error)) from error
+            url = f"foxglove://{authority(self._host, self._port)}"
+            if "in use" in str(error):  # its error has no number
+                raise PortTaken(url, self._port) from error
+            raise SinkUnusable(url, str(error)) from error
 
     def write_raw(self, scans: RawScans, *, late: bool) -> None:
         """See `Sink`."""
