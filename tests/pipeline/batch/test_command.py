@@ -269,8 +269,9 @@ def test_a_scheduler_that_does_not_answer(tmp_path: Path, monkeypatch: pytest.Mo
     words = ("batch", slide, "--out", tmp_path / "out", "--scheduler")
     assert "no scheduler answers at tcp://127.0.0.1:1" in refused(capsys, *words, "tcp://127.0.0.1:1")
     monkeypatch.setattr("distributed.Client", None)  # one without an address prints a traceback when it goes
-    for address in ("nowhere://x:1", "nowhere"):
+    for address in ("nowhere://x:1", "nowhere", "ucx://127.0.0.1:1"):
         assert f"no scheduler answers at {address}: " in refused(capsys, *words, address)
+    assert "Dask has no certificates for tls://127.0.0.1:1; set ca-file" in refused(capsys, *words, "tls://127.0.0.1:1")
 
 
 def test_help_of_a_method_shows_its_own_options(capsys: Capture) -> None:

@@ -49,6 +49,8 @@ _QUIET = {
 costs each some 5 % of a core, and nothing uses it."""
 _LOGS = ("distributed", "distributed.client", "tornado.application", "asyncio")
 """Loggers of faults, each of which becomes one line of ours."""
+_ENCRYPTED = ("tls", "wss")
+"""Schemes whose clients need a certificate."""
 _AGAIN = "what is finished is kept: run the same command again"
 
 
@@ -118,12 +120,18 @@ def _joined(scheduler: str) -> Iterator[Any]:
     from distributed import Client
     from distributed.comm.addressing import parse_address, parse_host_port
     from distributed.comm.registry import get_backend
+    from distributed.security import Security
 
     try:
         scheme, place = parse_address(scheduler)  # a client of what is no address ends with a traceback
-        get_backend(scheme), parse_host_port(place)
+        parse_host_port(place)
+        get_backend(scheme).get_connector()  # type: ignore[no-untyped-call]
+        secured = Security().get_connection_args("client")  # type: ignore[no-untyped-call]
+        if scheme in _ENCRYPTED and not secured.get("ssl_context"):
+            remedy = "set ca-file, key and cert under distributed.comm.tls in Dask's configuration"
+            raise ClusterFault(f"Dask has no certificates for {scheduler}", remedy)
         client = Client(scheduler, timeout=_PATIENCE.answer_s, set_as_default=False)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError, TimeoutError) as error:
+    except (OSError, TypeError, ValueError, TimeoutError) as error:
         remedy = "start one with `dask scheduler` and give its address, such as tcp://HOST:8786"
         raise ClusterFault(f"no scheduler answers at {scheduler}: {error}", remedy) from error
     try:
