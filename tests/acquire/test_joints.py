@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -207,6 +208,51 @@ def test_the_states_of_an_arm_do_not_bridge_a_pause_of_the_hand(tmp_path: Path) 
     assert joints is not None
     found = joints.at(1e9 + np.array([0.5, 2.5, 4.5]), ["arm", "hand"])
     np.testing.assert_allclose(found, [[0.5, 0.5], [2.5, np.nan], [4.5, 4.5]], atol=1e-6)
+
+
+def stamped_bag(folder: Path, joint_s: float | None = None, cut_message: int | None = None) -> Path:
+    """A bag of 20 stamped scans in 1.9 s and of one joint that turns. joint_s: stamp of all its messages instead of
+    their own. cut_message: number of one that has lost its end.
+    """
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    from taxelflow.acquire.ros.kinds import kind_of
+
+    touch, states = "tactile_msgs/msg/TactileState", "sensor_msgs/msg/JointState"
+    kind = kind_of(touch)
+    assert kind is not None
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg(kind.definition, touch))
+    kinds, empty = store.types, np.zeros(0)
+
+    def header(t_s: float) -> Any:
+        sec, nanosec = divmod(round(1e9 * t_s), 10**9)
+        return kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](sec, nanosec), "")
+
+    channel = kinds["sensor_msgs/msg/ChannelFloat32"]("all", np.ones(16, np.float32))
+    with Writer(folder / "bag", version=9) as writer:
+        scans = writer.add_connection("/touch", touch, typestore=store)
+        joints = writer.add_connection("/joint_states", states, typestore=store)
+        for k in range(20):
+            t_s = 1000.0 + 0.1 * k
+            writer.write(scans, round(1e9 * t_s), store.serialize_cdr(kinds[touch](header(t_s), [channel]), touch))
+            own_s = t_s if joint_s is None else joint_s
+            state = kinds[states](header(own_s), ["a"], np.array([0.1 * k]), empty, empty)
+            content = store.serialize_cdr(state, states)
+            writer.write(joints, round(1e9 * t_s), content[:30] if k == cut_message else content)
+    return folder / "bag"
+
+
+def test_joint_states_whose_stamps_are_not_set_are_at_their_times_of_receipt(tmp_path: Path) -> None:
+    joints = api.read(stamped_bag(tmp_path, joint_s=0.0), "grid:4x4@4mm").joints
+    assert joints is not None
+    np.testing.assert_allclose(joints.at(np.array([1000.25, 1001.5]), ["a"])[:, 0], [0.25, 1.5], atol=1e-6)
+
+
+def test_a_joint_state_that_is_cut_is_named_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(RecordingCorrupt, match=r"bag: message 7 of /joint_states: .*; record it again"):
+        api.read(stamped_bag(tmp_path, cut_message=7), "grid:4x4@4mm")
 
 
 @pytest.mark.long

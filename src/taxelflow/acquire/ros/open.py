@@ -86,7 +86,7 @@ def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Rec
         scans=chosen.messages,
         masked=masked_in(path, source.metadata, sensor.layout.taxels),
         truth=truth_in(path, source.metadata, sensor),
-        joints=joints_text_in(path, source.metadata) or joints_in(source, use_stamps=not doubt),
+        joints=joints_text_in(path, source.metadata) or joints_in(path, source, use_stamps=not doubt),
         notes=tuple(notes),
     )
 
