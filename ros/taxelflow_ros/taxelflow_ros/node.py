@@ -15,6 +15,8 @@ import msgspec
 import numpy as np
 import rclpy
 from geometry_msgs.msg import TwistWithCovarianceStamped
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.executors import ExternalShutdownException
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
@@ -53,7 +55,7 @@ class SlipNode(Node):  # type: ignore[misc]  # rclpy has no types
         self.create_subscription(message, asked["topic"], self.scan, qos_profile_sensor_data)
 
     def _stage(self, stage: str, kind: Any) -> dict[str, Any]:
-        """Parameters of a stage, a field each; None is written as an empty text."""
+        """Parameters of a stage, a field each."""
         found = {}
         for one in fields(kind):
             usual = one.default
@@ -70,10 +72,10 @@ class SlipNode(Node):  # type: ignore[misc]  # rclpy has no types
         if columns is None:
             self.get_logger().warning("a message does not fit the sensor and is left out", once=True)
             return
-        now = self.get_clock().now().nanoseconds * 1e-9
+        now = self.get_clock().now()
         stamp = follow(message, self._kind.stamp)[0] if self._kind.stamp else None
         sent_s = stamp.sec + 1e-9 * stamp.nanosec if hasattr(stamp, "nanosec") else stamp
-        output = self.live.step(sent_s or now, np.concatenate(parts)[columns])
+        output = self.live.step(sent_s or now.nanoseconds * 1e-9, np.concatenate(parts)[columns])
         if not len(output):
             return
         for line in json_lines(update_of(output), self.live.pads):
@@ -81,7 +83,7 @@ class SlipNode(Node):  # type: ignore[misc]  # rclpy has no types
         for event in output.events:
             self._events.publish(String(data=msgspec.json.encode(event_row(event)).decode()))
         header = getattr(message, "header", None)
-        self._publish_twist(output.motions, self.get_clock().now().to_msg() if header is None else header.stamp)
+        self._publish_twist(output.motions, header.stamp if header is not None and sent_s else now.to_msg())
 
     def _publish_twist(self, motions: Any, stamp: Any) -> None:
         velocity = motions.velocity[-1]
@@ -110,18 +112,18 @@ def _message(name: str) -> tuple[Kind, Any]:
 
 
 def main() -> None:
-    """Spin until Ctrl-C; bad parameters are one line of the log and exit code 2."""
+    """Spin until Ctrl-C or SIGTERM; bad parameters are one line of the log and exit code 2."""
     rclpy.init()
+    node = None
     try:
         node = SlipNode()
-    except TaxelflowError as error:
-        get_logger("taxelflow").fatal(str(error))
-        rclpy.try_shutdown()
-        raise SystemExit(2) from None
-    try:
         rclpy.spin(node)
-    except KeyboardInterrupt:
+    except (TaxelflowError, NameValidationException, ParameterException) as error:
+        get_logger("taxelflow").fatal(str(error))
+        raise SystemExit(2) from None
+    except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        node.destroy_node()
+        if node is not None:
+            node.destroy_node()
         rclpy.try_shutdown()

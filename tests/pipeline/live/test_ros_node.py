@@ -18,17 +18,32 @@ from taxelflow.publish.sinks.six_axes import UNKNOWN
 PACKAGE = Path(__file__).resolve().parents[3] / "ros" / "taxelflow_ros"
 
 
+class ParameterException(Exception):
+    """rclpy's, for a parameter of another type than its default."""
+
+
+class ExternalShutdownException(Exception):
+    """rclpy's, on SIGTERM."""
+
+
 class Node:
     """What the node uses of rclpy's."""
 
     given: ClassVar[dict[str, Any]] = {}
     fatal: ClassVar[list[str]] = []
+    ended: ClassVar[list[str]] = []
 
     def __init__(self, name: str) -> None:
         self.name, self.published, self.subscriptions = name, {}, []
 
     def declare_parameter(self, name: str, usual: Any) -> Any:
-        return SimpleNamespace(value=self.given.get(name, usual))
+        value = self.given.get(name, usual)
+        if type(value) is not type(usual):
+            raise ParameterException(f"{name} has another type")
+        return SimpleNamespace(value=value)
+
+    def destroy_node(self) -> None:
+        self.ended.append(self.name)
 
     def create_publisher(self, _kind: Any, topic: str, _depth: int) -> Any:
         return SimpleNamespace(publish=self.published.setdefault(topic, []).append)
@@ -57,6 +72,8 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     )
     modules = {
         "rclpy": {"init": lambda: None, "try_shutdown": lambda: None},
+        "rclpy.exceptions": {"NameValidationException": ValueError, "ParameterException": ParameterException},
+        "rclpy.executors": {"ExternalShutdownException": ExternalShutdownException},
         "rclpy.logging": {"get_logger": lambda _name: SimpleNamespace(fatal=Node.fatal.append)},
         "rclpy.node": {"Node": Node},
         "rclpy.qos": {"qos_profile_sensor_data": None},
@@ -71,6 +88,7 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         monkeypatch.setitem(sys.modules, name, module)
     monkeypatch.setattr(Node, "given", {"sensor": str(tmp_path / "hand.toml"), "condition.contact_on": 7.0})
     monkeypatch.setattr(Node, "fatal", [])
+    monkeypatch.setattr(Node, "ended", [])
     return runpy.run_path(str(PACKAGE / "taxelflow_ros" / "node.py"))
 
 
@@ -108,6 +126,36 @@ def test_messages_of_single_numbers_and_without_header_are_read(module: dict[str
         node.scan(SimpleNamespace(sensors=[SimpleNamespace(sensor_pos=1, time=10.0 + t_s, taxels=taxels)]))
     assert json.loads(node.published["~/slips"][-1].data)["t_s"] == pytest.approx(10.0 + scans.t_s[-1])
     assert node.published["~/object"][-1].header.stamp == "now"
+
+
+def test_a_twist_of_messages_whose_stamp_is_not_set_has_the_time_of_receipt(node: Any) -> None:
+    second = [10**9]
+    node.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=second[0], to_msg=lambda: "now"))
+    scans = slid()
+    for t_s, values in zip(scans.t_s.tolist(), scans.values, strict=True):
+        second[0] = round(1e9 * (1.0 + t_s))
+        header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0))
+        node.scan(SimpleNamespace(header=header, sensors=[SimpleNamespace(name="", values=values)]))
+    assert json.loads(node.published["~/slips"][-1].data)["t_s"] == pytest.approx(1.0 + scans.t_s[-1])
+    assert node.published["~/object"][-1].header.stamp == "now"
+
+
+@pytest.mark.parametrize("signal", [KeyboardInterrupt, ExternalShutdownException])
+def test_a_signal_ends_the_node_in_order(module: dict[str, Any], signal: type[BaseException]) -> None:
+    def spin(_node: Any) -> None:
+        raise signal
+
+    module["rclpy"].spin = spin
+    module["main"]()
+    assert Node.ended == ["taxelflow"]
+    assert not Node.fatal
+
+
+def test_a_parameter_of_another_type_is_one_line_of_the_log(module: dict[str, Any]) -> None:
+    Node.given["condition.contact_on"] = 7
+    with pytest.raises(SystemExit, match="2"):
+        module["main"]()
+    assert Node.fatal == ["condition.contact_on has another type"]
 
 
 def test_a_message_of_another_size_is_left_out(node: Any) -> None:
