@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from itertools import islice
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from taxelflow.acquire.devices.base import Faults
 from taxelflow.acquire.ros.decode import store_of
 from taxelflow.acquire.ros.kinds import kind_of
 from taxelflow.errors import AddressInvalid, TaxelflowError
-from taxelflow.pipeline.live.emulators.base import Playback
+from taxelflow.pipeline.live.emulators.base import Fault, Playback
 from taxelflow.pipeline.live.loop import Limits
 from taxelflow.pipeline.live.ros2_sink import Ros2Types
 from taxelflow.publish.sinks.base import Ending, Head
@@ -98,6 +99,16 @@ def test_a_scan_at_time_0_has_a_stamp() -> None:
     assert (stamp.sec, stamp.nanosec) == (0, 1)  # with 0 receivers use the time of receipt
     with registry.find("emulator", "rosbridge")(parse_address("rosbridge://127.0.0.1:0/touch"), PALM) as device:
         assert json.loads(device.encode(0.0, np.zeros(28)))["msg"]["header"]["stamp"] == {"sec": 0, "nanosec": 1}
+
+
+def test_the_emulated_topic_sends_a_scan_late() -> None:
+    emulated = registry.find("emulator", "ros2")(parse_address("ros2:/touch"), PALM)
+    written: list[Any] = []
+    emulated._writer = SimpleNamespace(write=written.append, get_matched_subscriptions=lambda: [1])
+    playback = Playback(emulated, (Fault("reorder", 0.1, 0.0),), 0.0)
+    playback.run((1.0 + 0.1 * k, np.zeros(28)) for k in range(4))
+    stamps = [message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec for message in written]
+    assert stamps == pytest.approx([1.0, 1.2, 1.1, 1.3])
 
 
 @pytest.mark.long

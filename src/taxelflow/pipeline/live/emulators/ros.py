@@ -92,7 +92,7 @@ class _Publisher:
     def encoded(self, message: Any) -> bytes:
         """A message in CDR."""
         content = bytes(message.serialize())
-        self._encoded = {content: message}
+        self._encoded = dict([*self._encoded.items()][-1:]) | {content: message}  # the last but one may be sent late
         return content
 
     def send(self, message: bytes) -> bool:
