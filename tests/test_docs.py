@@ -130,6 +130,13 @@ def test_results_are_tables_that_a_page_names(path: Path) -> None:
     assert any(f"(results/{path.name})" in page.read_text() for page in PAGES)
 
 
+def test_the_container_runs_as_the_owner_of_the_folder_that_it_writes_to() -> None:
+    lines = (ROOT / "Dockerfile").read_text().splitlines()
+    [started] = [line for line in lines if line.startswith("#") and "docker run" in line]
+    assert '--user "$(id -u):$(id -g)"' in started  # a folder that Docker makes belongs to root
+    assert "ENV HOME=/tmp NUMBA_CACHE_DIR=/tmp/numba" in lines  # a user without a home compiles and draws, too
+
+
 def test_the_reference_has_every_public_name() -> None:
     named_there = set(re.findall(r"taxelflow\.(\w+)", (DOCS / "reference.md").read_text()))
     assert named_there >= set(taxelflow.__all__)
