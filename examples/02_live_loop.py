@@ -12,7 +12,7 @@ device = simulate(SCENARIOS["stroke"])  # your driver goes here: anything that g
 live = Live(device.sensor, method="convolution")  # compiles the kernels
 for block in device.blocks():
     for t_s, readings in zip(block.t_s, block.values, strict=True):
-        out = live.step(t_s, readings)  # empty for the first 12 scans: noise and tare are learned
+        out = live.step(t_s, readings)  # empty for the first 11 scans: noise and tare are learned
         for event in out.events:
             print(f"{event.t_s:7.3f} s  {event.pad}: {event.event}")
         for scan, pad in zip(*out.slipping.nonzero(), strict=True):

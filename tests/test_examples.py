@@ -13,6 +13,9 @@ import pytest
 
 from rigged import rigged
 from streaming import connected, free_port, lines, running, slid
+from taxelflow import load_sensor
+from taxelflow.runtime import registry
+from taxelflow.runtime.addresses import parse_address
 from taxelflow.simulation.simulate import save
 
 if TYPE_CHECKING:
@@ -45,6 +48,17 @@ def test_every_example_is_tested_here() -> None:
         "05_live_client.py",
         "06_live_grip.py",
     ]
+
+
+def test_the_times_of_the_arduino_are_whole_microseconds_and_read_as_such() -> None:
+    sketch = (EXAMPLES / "arduino_lines" / "arduino_lines.ino").read_text()
+    assert "Serial.print(micros());" in sketch
+    url = re.search(r"serial:[^' ]+", sketch)
+    assert url
+    source = registry.find("source", "serial")(parse_address(url[0]), load_sensor("grid:4x4@10mm"))
+    [(t_s, values)] = source._parser.feed(b"8,7\n3600008500" + b",7" * 16 + b"\n")
+    assert t_s == 3600.0085
+    assert len(values) == 16
 
 
 def test_01_prints_contact_speed_accuracy_and_events(ran: Callable[..., str]) -> None:

@@ -1,7 +1,7 @@
-// A 4x4 velostat mat on an Arduino Uno, a line "t_s,v1,...,v16" per scan over USB.
+// A 4x4 velostat mat on an Arduino Uno, a line "t_us,v1,...,v16" per scan over USB.
 // Rows are driven by digital pins, columns are read by analog pins, each with 10 kOhm to ground.
 //
-//   taxelflow run 'serial:/dev/ttyACM0?baud=115200' --sensor grid:4x4@10mm --to jsonl:-
+//   taxelflow run 'serial:/dev/ttyACM0?baud=115200&time-unit=us' --sensor grid:4x4@10mm --to jsonl:-
 
 const int ROWS[] = {2, 3, 4, 5};
 const int COLS[] = {A0, A1, A2, A3};
@@ -15,7 +15,7 @@ void setup() {
 }
 
 void loop() {
-  Serial.print(micros() * 1e-6, 6);
+  Serial.print(micros());  // as seconds it would lose digits: a double has 24 bits here
   for (int row : ROWS) {
     digitalWrite(row, HIGH);
     delayMicroseconds(50);
