@@ -128,3 +128,18 @@ def test_what_takes_all_of_a_covariance_away_leaves_no_variance_below_0(*, turns
     left = np.diagonal(poses.with_map(taken, solved, scanned, 2.0).covariance, axis1=1, axis2=2)
     assert (left[:, : 3 if turns else 2] > 0.0).all()
     assert (left[:, :2] < 1e-8 * np.diagonal(poses.covariance, axis1=1, axis2=2)[:, :2]).all()
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_what_takes_more_than_a_bridged_pose_has_left_takes_nothing(*, turns: bool) -> None:
+    """The map's part is that of a scan by itself, of which the scans around it have taken most."""
+    _, scanned, states, precision = sliding(12)
+    solved = coarse(scanned, states, turns=turns)
+    information = linearised(solved.pattern, scanned, solved.states, ERROR, precision).normal.blocks
+    poses = poses_of(solved, scanned, information, 2.0)
+    poses.covariance[4] *= 0.01
+    taken = np.zeros((12, STATE, STATE))
+    taken[4] = -0.1 * np.linalg.inv(information[4])
+    wide = poses.with_map(taken, solved, scanned, 2.0)
+    axes = 3 if turns else 2
+    np.testing.assert_allclose(wide.covariance[:, :axes, :axes], poses.covariance[:, :axes, :axes], rtol=1e-9)

@@ -97,7 +97,7 @@ class Poses:
         """With the map's part (scans, 5, 5) of the states' covariance, see `map_doubt`, in that of the poses."""
         lever = _lever(solved.states, solved.middle(scanned), pitch_m, turns=solved.turns)
         shared = lever @ error[:, :3, :3] @ lever.transpose(0, 2, 1)
-        return self._sharing(shared * _short_of_all(shared, self.covariance)[:, np.newaxis, np.newaxis], pitch_m)
+        return self._sharing(_short_of_all(shared, self.covariance), pitch_m)
 
     def with_noise(self, information: Floats, solved: Solved, scanned: Scanned, pitch_m: float) -> Poses:
         """With the noise of scans by the states' information (scans, 5, 5) without unseen errors, where that is less.
@@ -163,17 +163,25 @@ def arm_of(centre: Floats, states: Floats) -> Floats:
 
 
 def _short_of_all(shared: Floats, covariance: Floats) -> Floats:
-    """(scans,), factors on what is added to covariances (scans, 3, 3), NaN where a turn is unknown.
+    """(scans, 3, 3), what is added to covariances (scans, 3, 3), NaN where a turn is unknown: the sum stays positive.
 
-    1, or a little less where that takes all of a covariance away, as of the only scan of a contact, whose place defines
-    the object's frame: the sum would be what rounding leaves, of either sign.
+    A little less where it takes all of a covariance away, as of the only scan of a contact, whose place defines the
+    object's frame: the sum would be what rounding leaves, of either sign. Where it would take more than there is, as of
+    a pose that the scans around it bound, what it takes belongs to the scan alone: only what it adds is left.
     """
     own = np.nan_to_num(covariance)
     std = np.sqrt(np.maximum(np.diagonal(own, axis1=1, axis2=2), 0.0))
     scale = std[:, :, np.newaxis] * std[:, np.newaxis, :]
-    left = np.divide(own + np.nan_to_num(shared), scale, out=np.zeros_like(own), where=scale > 0.0)
+    added = np.divide(np.nan_to_num(shared), scale, out=np.zeros_like(own), where=scale > 0.0)
+    left = np.divide(own, scale, out=np.zeros_like(own), where=scale > 0.0) + added
     left[..., range(3), range(3)] += std == 0.0
-    return np.where(np.linalg.eigvalsh(left)[:, 0] < ROUNDING, 1.0 - ROUNDING, 1.0)
+    least = np.linalg.eigvalsh(left)[:, 0]
+    short: Floats = shared * np.where(least < ROUNDING, 1.0 - ROUNDING, 1.0)[:, np.newaxis, np.newaxis]
+    more = least < -ROUNDING
+    values, vectors = np.linalg.eigh(added[more])
+    kept = vectors * np.maximum(values, 0.0)[:, np.newaxis] @ vectors.transpose(0, 2, 1)
+    short[more] = scale[more] * kept
+    return short
 
 
 def judge(covariance: Floats, pitch_m: float, misfit: Floats | float = 0.0) -> Bytes:
