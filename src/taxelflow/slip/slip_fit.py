@@ -49,7 +49,7 @@ class SlipMotion:
 
 class Path:
     """Of one fit. net: of x, y and theta. dates_s2, dates_m2: variances of both dates together, and of the length by
-    them; the other variances are those of the noise.
+    them; variance_m2: of the length by the noise. turn_variance: by both.
     """
 
     duration_s: float
@@ -110,8 +110,8 @@ def fit_slip(t: Floats, pose: Floats, covariance: Floats, start_s: float, end_s:
 def integrate_slip(displacement: Floats, covariance: Floats, start_s: float, end_s: float, scan_s: float) -> SlipMotion:
     """Motion between two dates, s, as the sum of displacements (scans, 3) with covariances (scans, 3, 3).
 
-    For slips of one or two scans, and for methods without a pose. scan_s: between scans. Dates that are closer say
-    nothing of the time that a displacement took: its speed is the mean over its scan.
+    For slips of one or two scans, and for methods without a pose. scan_s: between scans. Dates that are closer do
+    not determine the time that a displacement took: its speed is the mean over its scan.
     """
     duration_s = max(end_s - start_s, scan_s)
     known = np.isfinite(displacement[:, 0])
@@ -276,13 +276,15 @@ def _date(segment: int, axes: NDArray[np.int64], weight: Floats, scan_s: float, 
     """Add the variance of a date: uniform within a scan, and the noise of its scan's pose over the segment's rate."""
     knots, position = spline.knots, spline.position
     count, span_s = len(axes), knots[segment + 1].t_s - knots[segment].t_s
-    square = information = 0.0
+    square = turned = information = 0.0
     for a in range(count):
         rate = (position[(segment + 1) * count + a] - position[segment * count + a]) / span_s
         square += rate * rate if axes[a] < 2 else 0.0
+        turned += rate * rate if axes[a] == 2 else 0.0
         for b in range(count):
             other = (position[(segment + 1) * count + b] - position[segment * count + b]) / span_s
             information += rate * weight[a, b] * other
     variance_s2 = scan_s * scan_s / 12.0 + 1.0 / max(information, 1.0 / path.duration_s**2)
     path.dates_s2 += variance_s2
     path.dates_m2 += square * variance_s2
+    path.turn_variance += turned * variance_s2

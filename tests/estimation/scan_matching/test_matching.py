@@ -54,7 +54,7 @@ def fit_of(points: Points, state: Floats) -> Fit:
 def found(later: Floats, guess: Guess, *, turns: bool = True, **more: Floats) -> Floats:
     surface, points = problem(later, **more)
     state = np.zeros(5)
-    find(surface, points, guess, turns, state)
+    find(surface, points, guess, False, turns, state)
     return state
 
 

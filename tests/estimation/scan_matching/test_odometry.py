@@ -235,6 +235,15 @@ def test_a_still_objects_pose_hardly_drifts() -> None:
     assert (np.abs(slips.pose[-1, 0] - slips.pose[0, 0]) < 5 * std[-1]).all()
 
 
+def test_noise_of_unloaded_taxels_does_not_make_a_still_object_drift() -> None:
+    random = np.random.default_rng(0)
+    small = np.tile(dome(PAD, radius_m=0.004, peak=PEAK) + dome(PAD, 0.005, radius_m=0.003, peak=PEAK), (600, 1))
+    slips = seen(small + random.normal(0, NOISE, small.shape))
+    error = slips.pose[-1, 0, :2] - slips.pose[0, 0, :2]
+    variance = (slips.covariance[-1, 0] + slips.covariance[0, 0]).diagonal()[:2]
+    assert (np.abs(error) < 2 * np.sqrt(variance)).all()
+
+
 def faulty(fault: str, values: Floats, random: Any) -> dict[str, Any]:
     """Scans with a fault, as conditioning hands them on."""
     taxels = values.shape[1]

@@ -26,6 +26,9 @@ from taxelflow.runtime.compiling import inlined, routine
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from taxelflow.estimation.scan_matching.interpolant import Interpolant
+    from taxelflow.estimation.scan_matching.track import Last, Taxels
+
 DOF = STATE - 1
 """Of a state: x, y, theta, gain; the size is held."""
 _ITERATIONS = np.int64(20)  # numba compiles `register` again for each constant of Python
@@ -70,7 +73,7 @@ class Points(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """Motion of the centroid between the scans, and ratio of their loads."""
+    """Motion between the scans, as of the centroid, and ratio of their loads."""
 
     x: float
     y: float
@@ -130,8 +133,38 @@ def take(
 
 
 @routine
-def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Floats) -> None:
-    """Fill state (5,) with the motion since the surface's scan; starts: no motion, and the centroid's."""
+def surface_of(last: Last, taxels: Taxels, ceiling: Floats, spline: Interpolant, origin: Floats) -> Surface:
+    """The last scan as a surface, with places from the origin (3,)."""
+    lattice = spline.lattice.copy()
+    lattice[1] -= origin[0]
+    lattice[2] -= origin[1]
+    unobserved = unobserved_knots(last, taxels, ceiling, spline)
+    peak = 0.0
+    for reading in last.reading:
+        peak = max(peak, reading)
+    variance = spline.variance.copy()
+    for row in range(variance.shape[0]):
+        for column in range(variance.shape[1]):
+            if unobserved[row, column]:
+                variance[row, column] = peak * peak
+    return Surface(last.coefficients, variance, spline.variance, unobserved, lattice, spline.unobservable)
+
+
+@routine
+def unobserved_knots(last: Last, taxels: Taxels, ceiling: Floats, spline: Interpolant) -> Bools:
+    """(ny, nx): knots at which no taxel is, or its reading was missing or saturated."""
+    unobserved = spline.unobserved.copy()
+    h, left, low = spline.lattice
+    for i in range(len(last.reading)):
+        if taxels.noise[i] > 0.0 and (last.variance[i] == 0.0 or last.reading[i] >= ceiling[i]):
+            ix, iy = int(np.round((taxels.places[0, i] - left) / h)), int(np.round((taxels.places[1, i] - low) / h))
+            unobserved[iy, ix] = True
+    return unobserved
+
+
+@routine
+def find(surface: Surface, points: Points, guess: Guess, is_near: bool, turns: bool, state: Floats) -> None:
+    """Fill state (5,) with the motion since the surface's scan; starts: no motion, unless the guess is near, and it."""
     mean, precision = np.empty(STATE), np.empty(STATE)
     put(State(0.0, 0.0, 0.0, guess.gain, 0.0), mean)
     loose_x = HELD if surface.unobservable[0] > 0.0 else FREE
@@ -142,7 +175,7 @@ def find(surface: Surface, points: Points, guess: Guess, turns: bool, state: Flo
     taxels = pack_scan(points.places, np.zeros((3, 0)), points.reading, points.variance, points.ceiling, 0.0)
     information = np.zeros((STATE, STATE))
     trial, best = np.empty(STATE), np.inf
-    for start in range(2):
+    for start in range(1 if is_near else 0, 2):
         put(State(start * guess.x, start * guess.y, 0.0, guess.gain, 0.0), trial)
         cost, chi, count = register(known, taxels, prior, HUBER, _ITERATIONS, trial, information)
         if cost < best - CHEAPER:

@@ -3,6 +3,10 @@
 In a sum of steps a scan's noise comes in once with each sign: e_k = G_k n_k + (G_k-1 - G'_k) n_k-1 + ..., so that the
 error of a pose hardly grows while the object stays where it is. The covariance is summed up that way (see
 `uncertainty` for G and G'), counted from an ideal first pose, as good as one scan can give.
+
+A step is the mean of both ways, of the later scan on the earlier one and back (inverse consistency: Christensen &
+Johnson, IEEE Trans. Med. Imaging 20, 2001). Noise of the surface pulls a step to one side, by less than its standard
+deviation, but in each scan to the same: it cancels, as neither of two scans of a still object is the earlier one.
 """
 
 from __future__ import annotations
@@ -17,9 +21,9 @@ from taxelflow.estimation.scan_matching.matching import (
     Fit,
     Guess,
     Points,
-    Surface,
     find,
     linearize,
+    surface_of,
     surroundings,
     take,
 )
@@ -54,6 +58,7 @@ from taxelflow.numerics.centroid import CELL_ERROR, loaded_centroid
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.rounding import NEGLIGIBLE, OBSERVABLE
+from taxelflow.numerics.small_linalg import copy
 from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
@@ -156,31 +161,28 @@ def advance(
     origin = track.pose.copy()
     points = take(chosen, now, variance, ceiling, taxels.places, origin)
     surface = surface_of(last, taxels, ceiling, spline, origin)
-    count = len(points.taxel)
-    fit = Fit(np.empty(STATE), np.zeros((count, DOF)), np.empty(count), np.empty((DOF, DOF)), np.empty((DOF, DOF)))
-    g = np.empty((3, count))
-    put(State(0.0, 0.0, 0.0, 1.0, 0.0), fit.state)
-    guess = Guess(0.0, 0.0, 1.0)
+    fit, g = room_for(points), np.empty((3, len(points.taxel)))
+    guess = Guess(0.0, 0.0, 1.0) if begins else first_guess(last, now, variance, taxels.places)
     turns = track.yaw != YAW_LOST and spline.unobservable[0] + spline.unobservable[1] == 0.0
     if not begins:
-        guess = first_guess(last, now, variance, taxels.places)
-        find(surface, points, guess, turns, fit.state)
+        find(surface, points, guess, False, turns, fit.state)
     chi, misfit, freedom = linearize(surface, points, fit)
     excess = max(1.0, chi / freedom)
     if turns:
         turns = is_turn_observable(track.yaw, fit, points, excess, g)
         if not turns and not begins:
-            find(surface, points, guess, turns, fit.state)
-            chi, misfit, freedom = linearize(surface, points, fit)
-            excess = max(1.0, chi / freedom)
+            find(surface, points, guess, False, turns, fit.state)
+    if not begins:
+        if block.complete[k, pad]:
+            take_both_ways(scan, chosen, taxels, spline, origin, guess.gain, turns, last, fit.state)
+        chi, misfit, freedom = linearize(surface, points, fit)
+        excess = max(1.0, chi / freedom)
     gains(fit, turns, g)
     share = CELL_ERROR if taxels.tilt > 0.0 else 0.0
     drift(g, points, share, fit.state, track.drift)
     own = covariance(g, points, excess)
     if begins:
-        for a in range(3):
-            for b in range(3):
-                track.covariance[a, b] = own[a, b]
+        copy(own, track.covariance)
     else:
         update_yaw(track, turns)
         earlier = np.zeros((3, len(now)))
@@ -202,42 +204,51 @@ def advance(
 
 
 @routine
+def room_for(points: Points) -> Fit:
+    """Room for what is linearised, at the state of no motion."""
+    count = len(points.taxel)
+    fit = Fit(np.empty(STATE), np.zeros((count, DOF)), np.empty(count), np.empty((DOF, DOF)), np.empty((DOF, DOF)))
+    put(State(0.0, 0.0, 0.0, 1.0, 0.0), fit.state)
+    return fit
+
+
+@routine
+def take_both_ways(
+    scan: Scan,
+    chosen: NDArray[np.int64],
+    taxels: Taxels,
+    spline: Interpolant,
+    origin: Floats,
+    gain: float,
+    turns: bool,
+    last: Last,
+    state: Floats,
+) -> None:
+    """Make state (5,), the motion from the last scan to this one, the mean of itself and of the way back.
+
+    chosen: numbers of the taxels that take part. origin: (2 or more,), where the object's point was. gain: ratio of the
+    loads of this scan and the last.
+    """
+    place = origin.copy()
+    place[0] += state[0]
+    place[1] += state[1]
+    now = Last(scan.reading, scan.variance, last.gains, np.empty(last.coefficients.shape))
+    interpolate(spline, now.reading, now.coefficients)
+    surface = surface_of(now, taxels, scan.ceiling, spline, place)
+    points = take(chosen, last.reading, last.variance, scan.ceiling, taxels.places, place)
+    back = np.empty(STATE)
+    find(surface, points, Guess(-state[0], -state[1], 1.0 / gain), True, turns, back)
+    for a in range(3):
+        state[a] = 0.5 * (state[a] - back[a])
+
+
+@routine
 def quality_of(scan: Scan, taxels: Taxels, own: Floats, track: Track, is_complete: bool) -> int:
     """Quality of a pose whose scan fits the last one. own: (3, 3), covariance by one scan. `NO_POSE` where the pipeline
     judges.
     """
     is_ambiguous = is_blurred(own) or is_anywhere(track.covariance, taxels.places)
     return AMBIGUOUS if is_ambiguous or (is_complete and contradicts(scan, taxels, track)) else NO_POSE
-
-
-@routine
-def surface_of(last: Last, taxels: Taxels, ceiling: Floats, spline: Interpolant, origin: Floats) -> Surface:
-    """The last scan as a surface, with places from the origin (3,)."""
-    lattice = spline.lattice.copy()
-    lattice[1] -= origin[0]
-    lattice[2] -= origin[1]
-    unobserved = unobserved_knots(last, taxels, ceiling, spline)
-    peak = 0.0
-    for reading in last.reading:
-        peak = max(peak, reading)
-    variance = spline.variance.copy()
-    for row in range(variance.shape[0]):
-        for column in range(variance.shape[1]):
-            if unobserved[row, column]:
-                variance[row, column] = peak * peak
-    return Surface(last.coefficients, variance, spline.variance, unobserved, lattice, spline.unobservable)
-
-
-@routine
-def unobserved_knots(last: Last, taxels: Taxels, ceiling: Floats, spline: Interpolant) -> Bools:
-    """(ny, nx): knots at which no taxel is, or its reading was missing or saturated."""
-    unobserved = spline.unobserved.copy()
-    h, left, low = spline.lattice
-    for i in range(len(last.reading)):
-        if taxels.noise[i] > 0.0 and (last.variance[i] == 0.0 or last.reading[i] >= ceiling[i]):
-            ix, iy = int(np.round((taxels.places[0, i] - left) / h)), int(np.round((taxels.places[1, i] - low) / h))
-            unobserved[iy, ix] = True
-    return unobserved
 
 
 @routine
