@@ -279,6 +279,23 @@ def test_a_direction_that_one_finger_does_not_show_counts_from_when_the_others_t
     np.testing.assert_allclose(se3_log(since), 0, atol=2e-4)
 
 
+def test_the_covariance_holds_though_contacts_join_a_pose_with_blind_directions() -> None:
+    sensor, random, std = hand(around(6)), np.random.default_rng(11), np.array([1e-5, 1e-5, 1e-3])
+    slow = moved(30, np.array([0.0006, -0.0009, 0.00045, 0.009, -0.006, 0.012]))
+    X = np.concatenate([np.tile(np.eye(4), (30, 1, 1)), slow])
+    nees = []
+    for _ in range(40):
+        slips = slips_of(sensor, X, std_m=std[0], std_rad=std[2])
+        slips.pose[:] += random.normal(size=slips.pose.shape) * std
+        slips.displacement[1:] = np.diff(slips.pose, axis=0)
+        slips.contact[:20, 1:] = False
+        slips.pose[:20, 1:] = slips.displacement[:21, 1:] = np.nan
+        found = fused(sensor, slips)
+        error = se3_log(se3_of(found.pose[-1, :3], found.pose[-1, 3:]) @ se3_inverse(X[-1]))
+        nees.append(error @ np.linalg.solve(found.pose_covariance[-1], error) / 6)
+    assert 0.6 < np.mean(nees) < 1.3
+
+
 @pytest.mark.parametrize("rank", [1, 3, 5])
 def test_what_contacts_inherit_has_a_factor_though_directions_are_left_out(rank: int) -> None:
     factor: Any = compiled(factor_in_body)

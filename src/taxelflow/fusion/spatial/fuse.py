@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from taxelflow.fusion.spatial.inheritance import inherit, keep_shown
-from taxelflow.fusion.spatial.pose import Anchor, Body, fit_pose, set_anchors, start_body
+from taxelflow.fusion.spatial.pose import Anchor, Body, fit_pose, pose_centre, set_anchors, start_body
 from taxelflow.fusion.spatial.robust import Verdict, most_chi2
 from taxelflow.fusion.spatial.solve import Contacts, Solution, room
 from taxelflow.fusion.spatial.twist import (
@@ -265,7 +265,7 @@ def pose_step(
                 deepest = verdict
             if not another(attempt, verdict, deepest, usual, under, seen.under[scan]):
                 break
-        centre = centre_of(seen.frames[scan], seen.known[scan])
+        centre = pose_centre(seen, scan, memory.anchors)
         verdict = inherit(contacts, solution, centre, limits, verdict, memory.anchors, body)
         unscale(solution, verdict, centre, limits.length_m, limits.pose_m, pose)
         factor = widen(past, usual, verdict, pose)

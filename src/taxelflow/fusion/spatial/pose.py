@@ -73,6 +73,17 @@ def start_body(body: Body, anchors: Records) -> None:
 
 
 @routine
+def pose_centre(seen: Seen, scan: int, anchors: Records) -> Floats:
+    """(3,): mean place of the anchored contacts. With those that only begin, blind directions would turn about another
+    point than in the scan before, and the pose would jump along them.
+    """
+    anchored = seen.known[scan].copy()
+    for pad in range(len(anchors)):
+        anchored[pad] = anchored[pad] and anchors[pad].anchored
+    return centre_of(seen.frames[scan], anchored)
+
+
+@routine
 def fit_pose(
     seen: Seen,
     scan: int,
@@ -83,13 +94,13 @@ def fit_pose(
     anchors: Records,
     body: Body,
 ) -> Verdict:
-    """Move the body to where its anchored contacts are; the solution holds its covariance, scaled, at `centre_of`.
+    """Move the body to where its anchored contacts are; the solution holds its covariance, scaled, at `pose_centre`.
 
     doubts: derivatives of the pads' places by the joints (pads, 6, joints), standard deviation of a joint's angle, and
     `usual_misfit`.
     """
     J, joint_std, usual = doubts
-    step, centre = np.zeros(6), centre_of(seen.frames[scan], seen.known[scan])
+    step, centre = np.zeros(6), pose_centre(seen, scan, anchors)
     verdict = Verdict(0, 0.0, 0.0, False, 0)
     for _ in range(4):  # steps of Gauss-Newton
         linearise(seen, scan, centre, limits, contacts, anchors, body)
