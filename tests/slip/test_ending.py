@@ -117,6 +117,17 @@ def test_stops_that_are_tested_stay_few() -> None:
     assert starts[-6:] == pytest.approx(np.arange(57, 63) / RATE_HZ)
 
 
+def test_a_stop_that_stands_for_others_keeps_its_own_time() -> None:
+    # A slow slip is over long before it is known to be, when stops that are near each other have become one.
+    errors, velocity = [], [8e-4, 0.0, 0.0]
+    for seed in range(20):
+        slide, path = sliding(velocity), path_of(velocity, 100, 260, seed)
+        odds_of(path[:96], slide, yaw=False)
+        next(k for k in range(96, 260) if stop_odds(measured(4 + k, path[k], yaw=False), 1e-4, slide) > 3.0)
+        errors.append(slide["stop"]["since_s"] - 1.0)
+    assert np.sqrt(np.mean(np.square(errors))) < 0.04
+
+
 def test_a_jump_is_over_when_it_is_found() -> None:
     slide, measurement = records(SlideState, 1)[0], measured(50, [0.012, 0.0, 0.4])
     start_stopped(measurement, (0.01, -0.005), 0.40, 0.42, 0.01, slide)

@@ -63,6 +63,8 @@ class Stop:
 
     start_s: float
     """Time of that scan."""
+    since_s: float
+    """When it stopped: half-way to the next scan."""
     weight: float
     """Time that it stands for, s; of merged hypotheses the sum."""
     log_ratio: float
@@ -144,7 +146,8 @@ def start_stopped(
         slide.velocity[axis] = way[axis] / (end_s - start_s)
     slide.q_pp, slide.q_pv, slide.q_vv = variance, 0.0, 0.0
     stop: Stop = slide.stops[0]
-    stop.start_s, stop.weight, stop.log_ratio = end_s - 0.5 * dt_s, dt_s, 0.0
+    stop.start_s, stop.since_s = end_s - 0.5 * dt_s, end_s
+    stop.weight, stop.log_ratio = dt_s, 0.0
     stop.variance = variance
     for axis in range(3):
         stop.position[axis] = y[axis]
@@ -172,7 +175,7 @@ def stop_odds(measurement: Measurement, creep_m_s: float, slide: SlideState) -> 
         odds += share
         if share > most:
             most = share
-            _estimate_stop(each.start_s + 0.5 * each.weight, each.variance, each.position, stop)
+            _estimate_stop(each.since_s, each.variance, each.position, stop)
     turn_m = slide.velocity[2] * np.sqrt(own / noise.variance[2]) if yaw_used else 0.0
     speed = np.sqrt(slide.velocity[0] ** 2 + slide.velocity[1] ** 2 + turn_m**2) + np.sqrt(slide.q_vv)
     return odds if speed > _SLIP.creeps * creep_m_s else np.inf
@@ -231,7 +234,8 @@ def _start_stop(t_s: float, previous_s: float, slide: SlideState) -> None:
         merge_closest(t_s, slide.count, _STOPS.recent, slide.stops)
         slide.count -= 1
     stop: Stop = slide.stops[slide.count]
-    stop.start_s, stop.weight, stop.log_ratio = previous_s, dt, 0.0
+    stop.start_s, stop.since_s = previous_s, previous_s + 0.5 * dt
+    stop.weight, stop.log_ratio = dt, 0.0
     way = dt * np.hypot(slide.velocity[0], slide.velocity[1])
     stop.variance = slide.q_pp + way * way / 12.0
     for axis in range(3):
