@@ -72,6 +72,8 @@ def test_a_rigid_twist_comes_out_of_its_slip_vectors(vx: float, vy: float, omega
     points = points_of(sensor)
     slips = slips_of(sensor, np.zeros((2, 3)), points)
     v = np.array([vx, vy]) + omega * np.stack([-points[:, 1], points[:, 0]], axis=1)
+    half = 0.005 * omega  # the middles of the ways have the velocities of the twist, the points are their ends
+    v = v @ np.linalg.inv(np.array([[1.0, -half], [half, 1.0]])).T
     home = sensor.layout.T_hand.copy()
     home[:, :2] = 0
     slips.displacement[1, :, :2] = inverse_transform(home, 0.01 * v)

@@ -6,6 +6,7 @@ import pytest
 from taxelflow.fusion.hand_frame import Carried
 from taxelflow.fusion.twist import Equations, Row, fuse_twists, information_on_turn, spans_a_plane, turn_is_observable
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.geometry import turned
 from taxelflow.numerics.records import Records, records, unknown
 
 PLACES = np.array([[-0.08, 0.01], [0.07, 0.02], [0.0, -0.06], [0.02, 0.05]])
@@ -26,7 +27,10 @@ def fused(
     known: list[bool] | None = None,
     turns: bool = True,
 ) -> Records:
-    """The row of one scan in which pads at these places (pads, 2) have moved (pads, 2) with independent noise."""
+    """The row of one scan in which pads have moved (pads, 2) with independent noise.
+
+    places: (pads, 2), the middles of their ways.
+    """
     pads = len(places)
     covariance = np.zeros((1, pads, 2, 2))
     covariance[0, :, [0, 1], [0, 1]] = np.broadcast_to(variance, (pads, 2)).T
@@ -35,7 +39,7 @@ def fused(
     own_turn = np.full((1, pads, 2), np.nan)
     own_turn[0, 0] = turn
     spans = np.full((1, pads), SPAN_S)
-    here = carried(places[np.newaxis], moved[np.newaxis], own_turn, flags)
+    here = carried((places + 0.5 * moved)[np.newaxis], moved[np.newaxis], own_turn, flags)
     fuse_twists(here, covariance, spans, turns, records(Equations, 1), rows)
     return rows[0]
 
@@ -50,6 +54,16 @@ def least_squares(moved: Floats, std: Floats, places: Floats = PLACES) -> tuple[
     J = np.concatenate([np.array([[1.0, 0.0, -y], [0.0, 1.0, x]]) for x, y in places]) * SPAN_S / std.reshape(-1, 1)
     covariance = np.linalg.inv(J.T @ J)
     return covariance @ J.T @ (moved / std).ravel(), covariance
+
+
+def test_an_object_that_turns_about_a_far_point_leaves_that_point_at_rest() -> None:
+    centre, turn = np.array([0.5, -0.3]), 0.1
+    before = turned(PLACES - centre, -turn) + centre
+    row = fused(PLACES - before, places=0.5 * (PLACES + before))
+    vx, vy, omega = row["velocity"]
+    assert omega == pytest.approx(turn / SPAN_S, rel=1e-3)
+    np.testing.assert_allclose([vx - omega * centre[1], vy + omega * centre[0]], 0.0, atol=1e-9)
+    np.testing.assert_allclose(row["centre"], centre, atol=1e-9)
 
 
 def test_the_twist_is_the_weighted_least_squares_fit_and_its_covariance() -> None:
@@ -68,7 +82,7 @@ def test_correlated_noise_counts_as_such() -> None:
     covariance = np.array([[[[2e-10, 1e-10], [1e-10, 3e-10]]] * 2])
     moved, nothing = np.array([[[1e-4, 0.0], [0.0, 1e-4]]]), np.full((1, 2, 2), np.nan)
     flags, spans = np.ones((1, 2), np.bool_), np.full((1, 2), SPAN_S)
-    here = carried(places[np.newaxis], moved, nothing, flags)
+    here = carried(places + 0.5 * moved, moved, nothing, flags)
     fuse_twists(here, covariance, spans, True, records(Equations, 1), rows)
     J = np.array([[[1.0, 0.0, -y], [0.0, 1.0, x]] for x, y in places])
     W = SPAN_S**2 * np.linalg.inv(covariance[0])
@@ -173,7 +187,7 @@ def test_each_scan_is_fitted_by_its_own_vectors() -> None:
     known = np.array([[True] * 4, [True] * 4, [True] + [False] * 3])
     covariance = np.broadcast_to(1e-10 * np.eye(2), (3, 4, 2, 2)).copy()
     rows, spans = unknown(Row, 3), np.full((3, 4), SPAN_S)
-    here = carried(np.tile(PLACES, (3, 1, 1)), moved, np.full((3, 4, 2), np.nan), known)
+    here = carried(PLACES + 0.5 * moved, moved, np.full((3, 4, 2), np.nan), known)
     fuse_twists(here, covariance, spans, True, records(Equations, 1), rows)
     for scan in range(3):
         assert_records_equal(rows[scan], fused(moved[scan], known=known[scan].tolist()))

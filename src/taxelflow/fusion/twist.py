@@ -92,12 +92,15 @@ def clear(equations: Equations) -> None:
 
 @routine
 def add_pad(equations: Equations, place: Floats, moved: Floats, moved_cov: Floats, span_s: float) -> None:
-    """Add a displacement in the time span_s to all equations of a scan."""
+    """Add a displacement in the time span_s, which ended at a place, to all equations of a scan.
+
+    A rigid motion moves the middle of the way along the displacement, its end by a part of the turn aside.
+    """
     least = LEAST_VARIANCE_M2
     xx, xy, yy = inverse2(moved_cov[0, 0] + least, moved_cov[0, 1], moved_cov[1, 1] + least)
     square = span_s * span_s
     xx, xy, yy = xx * square, xy * square, yy * square
-    x, y, vx, vy = place[0], place[1], moved[0] / span_s, moved[1] / span_s
+    x, y, vx, vy = place[0] - 0.5 * moved[0], place[1] - 0.5 * moved[1], moved[0] / span_s, moved[1] / span_s
     add_point(equations, (xx, xy, yy), x, y, vx, vy)
     # Of the mean variance: a pad that knows one direction only is worth nothing here.
     scalar = 2.0 * (xx * yy - xy * xy) / (xx + yy)

@@ -169,6 +169,8 @@ class SpatialSession:
             rate, spread = moved / span[..., np.newaxis], covariance / span[..., np.newaxis, np.newaxis] ** 2
         deep = deep.copy()
         deep[..., :3, 3] += np.einsum("spij,spj->spi", deep[..., :3, :3], under)
+        half = 0.5 * np.nan_to_num(moved[..., :2])  # a rigid motion moves the middle of the way along it, not its end
+        deep[..., :3, 3] -= np.einsum("spij,spj->spi", deep[..., :3, :2], half)
         return Velocities(deep, rate, spread, known)
 
     def _moving(self, slips: Slips) -> Moving:
