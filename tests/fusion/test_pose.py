@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from taxelflow.fusion.anchors import Anchor, Body
 from taxelflow.fusion.hand_frame import Carried
-from taxelflow.fusion.pose import Anchor, Body, follow_pose
+from taxelflow.fusion.pose import follow_pose
 from taxelflow.fusion.twist import Equations, Row
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.geometry import transform
@@ -104,6 +105,29 @@ def test_a_contact_that_lifts_and_returns_is_anchored_again() -> None:
     places[2:, 2] = seen(poses, POINTS + 0.02)[2:, 2]  # it touches another point of the object
     touching = np.array([[True, True, True], [True, True, False], [True, True, True], [True, True, True]])
     np.testing.assert_allclose(followed(places, touching=touching)["pose"], poses, atol=1e-9)
+
+
+@pytest.mark.parametrize("turning", [0.0, 0.02])
+def test_contacts_that_follow_one_another_inherit_the_error_of_the_pose(turning: float) -> None:
+    random, scans = np.random.default_rng(0), 24
+    poses = np.linspace(0.0, 1.0, scans)[:, np.newaxis] * [0.01, -0.02, turning * scans]
+    points = np.vstack([POINTS, [[0.05, 0.04]]])
+    touching = np.array([[(scan // 2 + pad) % 4 != 0 for pad in range(4)] for scan in range(scans)])
+    nees = []
+    for _ in range(100):
+        rows = followed(seen(poses, points) + random.normal(0, STD_M, (scans, 4, 2)), touching=touching)
+        error = rows["pose"][-1] - poses[-1]
+        nees.append(error @ np.linalg.solve(rows["pose_covariance"][-1], error) / 3)
+    assert 0.8 < np.mean(nees) < 1.25
+
+
+def test_a_turn_that_was_never_seen_is_not_inherited() -> None:
+    touching = np.array([[True, False, False]] * 3 + [[True, True, True]] * 3)
+    rows = followed(seen(np.zeros((6, 3))), touching=touching)
+    J = np.concatenate([np.array([[1.0, 0.0, -y], [0.0, 1.0, x]]) for x, y in POINTS])
+    alone = 2 * STD_M**2 * np.linalg.inv(J.T @ J)
+    assert np.isnan(rows["pose"][3, 2])
+    assert alone[2, 2] < rows["pose_covariance"][-1, 2, 2] < 4 * alone[2, 2]
 
 
 def test_everything_is_forgotten_while_nothing_touches() -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
-
 import numpy as np
 
+from taxelflow.fusion.anchors import OWN_TURN_WEIGHT, ROBUST, Anchor, Body, residual_of, usual_misfit, weight_of
 from taxelflow.fusion.hand_frame import Carried
+from taxelflow.fusion.inheritance import factor_pose, inherit
 from taxelflow.fusion.misfit import MISFIT
 from taxelflow.fusion.twist import (
     Equations,
@@ -19,52 +19,11 @@ from taxelflow.fusion.twist import (
     turn_is_observable,
 )
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.records import Records, Vector
-from taxelflow.numerics.rounding import LEAST_VARIANCE_M2, LINEAR_RAD, NEGLIGIBLE
+from taxelflow.numerics.records import Records
+from taxelflow.numerics.rounding import LINEAR_RAD, NEGLIGIBLE
 from taxelflow.numerics.se2 import rotate, rotate_back
-from taxelflow.numerics.se3 import count_true
-from taxelflow.numerics.small_linalg import inverse2
-from taxelflow.runtime.compiling import inlined, kernel, routine
-
-
-class _Robust(NamedTuple):
-    """Robust weights of the iterations."""
-
-    iterations: int = 8
-    """Gauss-Newton steps at most."""
-    plain: int = 3
-    """First steps without robust weights: there a residual may be the motion since the last scan."""
-    far: float = 11.34
-    """Chi-square above which a contact weighs less (Huber): the 99 % point of three degrees of freedom."""
-    student: float = 4.0
-    """Degrees of freedom of the Student t weights, with which a wrong contact hardly affects the misfit."""
-
-
-_ROBUST = _Robust()
-_OWN_TURN_WEIGHT = 0.5
-"""Weight of a pad's own theta: the variance of theta at its anchor, about equal, doubles that of the difference."""
-
-
-class Anchor:
-    """Place of a pad's contact on the object; theta: the pad's own, less the object's, when it was anchored."""
-
-    anchored: bool
-    x: float
-    y: float
-    theta: float
-    covariance: Annotated[Floats, 2, 2]
-
-
-class Body:
-    """Pose of the object since first contact, and its covariance; all 0 until something touches.
-
-    misfit, freedom: chi-square of the contacts' residuals and its degrees of freedom, over the last scans.
-    """
-
-    pose: Vector
-    covariance: Annotated[Floats, 3, 3]
-    misfit: float
-    freedom: float
+from taxelflow.numerics.se3 import copy_matrix, count_true
+from taxelflow.runtime.compiling import kernel, routine
 
 
 @kernel
@@ -82,7 +41,8 @@ def follow_pose(
     place_cov: (scans, pads, 2, 2). turns: whether places are known at all. anchors: (pads,) of `Anchor` and bodies:
     (1,) of `Body` are kept from scan to scan. scratch: (1,) of `Equations`.
     A contact is anchored on the object where it first lies there, and stays so while it is kept; it is anchored again
-    after a gap without a measured motion. While nothing touches, all anchors are cleared.
+    after a gap without a measured motion. It inherits the error of the pose by then. While nothing touches, all anchors
+    are cleared.
     Where the contacts contradict each other more than their covariances allow, the pose's covariance is multiplied by
     their reduced chi-square (Birge 1932).
     """
@@ -96,8 +56,8 @@ def follow_pose(
         for pad in range(place.shape[1]):
             anchors[pad].anchored = anchors[pad].anchored and kept[scan, pad]
         observable = turns
-        for iteration in range(_ROBUST.iterations):
-            robust = iteration >= _ROBUST.plain
+        for iteration in range(ROBUST.iterations):
+            robust = iteration >= ROBUST.plain
             clear(equations)
             if not add_contacts(
                 (place[scan], place_cov[scan], own_turn[scan], placed[scan]), robust, anchors, body, equations
@@ -107,11 +67,15 @@ def follow_pose(
             observable = turns and turn_is_certain(equations.normal, body)
             if step_pose(observable, body, equations) < NEGLIGIBLE and robust:
                 break
+        seen = place[scan], place_cov[scan], own_turn[scan], placed[scan]
+        inherit(seen, 3 if observable else 2, anchors, body, equations.inherited)
         judge_misfit(place[scan], place_cov[scan], own_turn[scan], placed[scan], observable, anchors, body)
+        factor_pose(observable, body, equations.inherited)
         for pad in range(place.shape[1]):
             anchor: Anchor = anchors[pad]
             if placed[scan, pad] and not anchor.anchored:
                 set_anchor(place[scan, pad], place_cov[scan, pad], own_turn[scan, pad, 0], anchor, body)
+                copy_matrix(equations.inherited, anchor.root)
             anchor.anchored = anchor.anchored or placed[scan, pad]
         row: Row = rows[scan]
         at_start = body.pose[2] == 0.0 and body.covariance[2, 2] == 0.0
@@ -187,43 +151,9 @@ def add_contact(
     x, y = rotate(np.cos(body.pose[2]), np.sin(body.pose[2]), anchor.x, anchor.y)
     add_point(equations, (trust * xx, trust * xy, trust * yy), x, y, dx, dy)
     if own_turn[1] > 0.0 and np.isfinite(anchor.theta):
-        own_weight = trust * _OWN_TURN_WEIGHT / own_turn[1]
+        own_weight = trust * OWN_TURN_WEIGHT / own_turn[1]
         equations.normal[2, 2] += own_weight
         equations.right[2] += own_weight * off
-
-
-@routine
-def residual_of(
-    place: Floats, place_cov: Floats, own_turn: Floats, anchor: Anchor, body: Body
-) -> tuple[float, int, tuple[float, float, float], tuple[float, float, float]]:
-    """Chi-square of an anchored contact, the number of its components, the weight (xx, xy, yy) of its place, and its
-    residual along x, y and of the turn.
-    """
-    cov = anchor.covariance
-    xx, xy, yy = inverse2(
-        place_cov[0, 0] + cov[0, 0] + LEAST_VARIANCE_M2,
-        place_cov[0, 1] + cov[0, 1],
-        place_cov[1, 1] + cov[1, 1] + LEAST_VARIANCE_M2,
-    )
-    x, y = rotate(np.cos(body.pose[2]), np.sin(body.pose[2]), anchor.x, anchor.y)
-    dx, dy = place[0] - x - body.pose[0], place[1] - y - body.pose[1]
-    off = own_turn[0] - anchor.theta - body.pose[2]
-    chi2, measured = dx * (xx * dx + xy * dy) + dy * (xy * dx + yy * dy), 2
-    if own_turn[1] > 0.0 and np.isfinite(anchor.theta):
-        chi2, measured = chi2 + _OWN_TURN_WEIGHT * off * off / own_turn[1], 3
-    return chi2, measured, (xx, xy, yy), (dx, dy, off)
-
-
-@inlined
-def weight_of(chi2: float, usual: float) -> float:
-    """Weight of a contact with this chi-square, where chi-square is usually too large by this factor (Huber)."""
-    return np.sqrt(_ROBUST.far * usual / chi2) if chi2 > _ROBUST.far * usual else 1.0
-
-
-@inlined
-def usual_misfit(body: Body) -> float:
-    """Reduced chi-square of the last scans, at least 1."""
-    return max(1.0, body.misfit / body.freedom) if body.freedom > MISFIT.least_freedom else 1.0
 
 
 @routine
@@ -236,7 +166,7 @@ def judge_misfit(
         anchor: Anchor = anchors[pad]
         if placed[pad] and anchor.anchored:
             chi2, measured, _, _ = residual_of(place[pad], place_cov[pad], own_turn[pad], anchor, body)
-            weight = min(1.0, (_ROBUST.student + 2.0) / (_ROBUST.student + chi2))
+            weight = min(1.0, (ROBUST.student + 2.0) / (ROBUST.student + chi2))
             misfit += weight * chi2
             freedom += weight * measured
     freedom -= 3 if observable else 2

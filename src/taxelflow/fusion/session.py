@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taxelflow.fusion.anchors import Anchor, Body
 from taxelflow.fusion.hand_frame import Carrier, Home
-from taxelflow.fusion.pose import Anchor, Body, follow_pose
+from taxelflow.fusion.pose import follow_pose
 from taxelflow.fusion.reference import Reference
 from taxelflow.fusion.twist import Equations, Row, fuse_twists
 from taxelflow.messages import Bools, Floats, Motions, Slips, Texture

@@ -50,6 +50,8 @@ class Equations:
     """Of `affine`."""
     solution: Vector
     """Of the equations of a pose."""
+    inherited: Annotated[Floats, 3, 3]
+    """See `inheritance`."""
 
 
 @kernel
