@@ -130,6 +130,16 @@ def test_displacements_are_summed() -> None:
     assert np.isnan(found.turn_rad)
 
 
+def test_a_direction_that_is_certain_to_rounding_has_a_standard_deviation_of_0() -> None:
+    """As of the L norm, whose maximum moves from taxel to taxel, uncertain along one diagonal."""
+    for angle in np.linspace(0.0, np.pi, 100):
+        along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
+        steps, covariance = np.full((3, 3), np.nan), np.full((3, 3, 3), np.nan)
+        steps[:, :2], covariance[:, :2, :2] = 1e-3 * along, 1e-6 * np.outer(across, across)
+        found = integrate_slip(steps, covariance, 0.0, 0.06, 0.03)
+        assert found.std_path_m == pytest.approx(0.0, abs=1e-9)
+
+
 def test_without_a_displacement_only_the_duration_is_known() -> None:
     found = integrate_slip(np.full((3, 3), np.nan), np.full((3, 3, 3), np.nan), 1.0, 1.5, 0.2)
     assert found.duration_s == 0.5

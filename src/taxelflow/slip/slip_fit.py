@@ -123,7 +123,7 @@ def integrate_slip(displacement: Floats, covariance: Floats, start_s: float, end
     path_m, net = float(lengths.sum()), steps.sum(axis=0)
     direction_rad = atan2(net[1], net[0])
     along = np.array([cos(direction_rad), sin(direction_rad)])
-    std_m = sqrt(float(along @ own[:, :2, :2].sum(axis=0) @ along))
+    std_m = sqrt(max(float(along @ own[:, :2, :2].sum(axis=0) @ along), 0.0))  # rounding may leave less of certain axes
     turns = bool(np.isfinite(steps[:, 2]).all())
     return SlipMotion(
         path_m,
