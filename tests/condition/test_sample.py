@@ -97,6 +97,21 @@ def test_scans_until_the_windows_have_doubled(scans: int) -> None:
     assert sample.until_doubled == expected * WINDOWS.scans - scans
 
 
+@pytest.mark.parametrize("missing", [False, True])
+@pytest.mark.parametrize("cuts", [[], [50], [121, 122]])
+def test_of_windows_before_any_reading_changes_the_first_counts(cuts: list[int], missing: bool) -> None:
+    values = np.full((15 * WINDOWS.scans, 2), 7.0)
+    values[:, 1] = np.nan if missing else 3.0
+    values[123] += 1.0
+    values[123, 1] = 0.0
+    sample = Sample(2, forgets=True)
+    for part in np.split(values, cuts):
+        sample.add(*stamped(part))
+    assert sample.windows_seen == 6
+    np.testing.assert_array_equal(sample.windows[1], values[10 * WINDOWS.scans : 11 * WINDOWS.scans])
+    assert len(sampled(100)) == 8
+
+
 @pytest.mark.parametrize("scans", [1, 2, 11])
 def test_fewer_scans_than_a_window_still_make_one(scans: int) -> None:
     windows = sampled(scans).windows

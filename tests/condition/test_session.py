@@ -191,6 +191,19 @@ def test_a_stream_learns_the_noise_of_loaded_taxels_as_it_goes() -> None:
     assert np.median(blocks[-1].noise) == pytest.approx(5, rel=0.3)
 
 
+@pytest.mark.parametrize("full_scale", [None, 140e3])
+def test_a_stream_that_was_idle_for_long_at_0_learns_its_noise_once_something_touches(full_scale: float | None) -> None:
+    values = np.zeros((600, 28))
+    values[400:] = np.maximum(dome(PALM) + noisy(200) - 500.0, 0.0)
+    sensor = grid_sensor(4, 7, full_scale=full_scale)
+    session, noise = Conditioner().start(sensor, np.zeros(28, bool), None), 0.0
+    for scan in range(450):
+        block = raw_scans(values[scan : scan + 1], np.array([0.01 * scan]))
+        noise = max((float(np.median(scans.noise)) for scans in session.step(block)), default=0.0)
+        assert scan >= 400 or noise < 20
+    assert noise == pytest.approx(100, rel=0.5)
+
+
 @pytest.mark.parametrize("mode", ["batch", "stream"])
 def test_a_missing_taxel_that_was_idle_changes_nothing_for_its_pad(mode: str) -> None:
     values = np.maximum(np.round(grasp() / 50), 0)

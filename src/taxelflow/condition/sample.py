@@ -30,8 +30,10 @@ class Sample:
     Algorithm R of J. S. Vitter, Random Sampling with a Reservoir, ACM Transactions on Mathematical Software 11, 1985.
     """
 
-    def __init__(self, taxels: int) -> None:
+    def __init__(self, taxels: int, *, forgets: bool = False) -> None:
+        """forgets: while no reading has ever changed, hold the first window only: the others show nothing more."""
         self.windows_seen = 0
+        self._alike = forgets
         self._most = max(2, min(WINDOWS.most, _MOST_BYTES // (8 * WINDOWS.scans * max(taxels, 1))))
         self._random = np.random.default_rng(0)  # a replay draws the same windows
         self.first = np.zeros((0, taxels))
@@ -67,7 +69,7 @@ class Sample:
 
     @property
     def until_doubled(self) -> int:
-        """Scans until there will have been 1, 2, 4, 8, ... windows."""
+        """Scans until there will have been 1, 2, 4, 8, ... windows. While windows are alike, only the first counts."""
         return ((1 << self.windows_seen.bit_length()) - self.windows_seen - 1) * WINDOWS.scans + self.remaining
 
     def add(self, t_s: Floats, values: Floats) -> None:
@@ -107,6 +109,9 @@ class Sample:
     def _keep(self, start_s: float, window: Floats) -> None:
         if not self.windows_seen:
             self.first = window.copy()
+        self._alike = self._alike and np.array_equal(window, np.tile(self.first[0], (len(window), 1)), equal_nan=True)
+        if self._alike and self.windows_seen:
+            return
         place = self.windows_seen
         if self.windows_seen >= self._most:
             place = int(self._random.integers(self.windows_seen + 1))

@@ -49,7 +49,7 @@ class ConditionSession:
         passes = None if self._causal else Blockwise(deduplicate_block, deduplicate)
         self._deduplicator = Deduplicator(self._layout.taxels, self._ceiling, drop=drop, kernel=passes)
         self._fill: Callable[..., None] = Settled(condition) if self._causal else Blockwise(condition_block, condition)
-        self.sample = Sample(self._layout.taxels)
+        self.sample = Sample(self._layout.taxels, forgets=self._causal)
         self._relearning = Relearning(parameters, sensor, self._adopt)
         self._held: list[NewScans] = []
         self._pads = pad_contacts(self._layout, parameters)
@@ -110,8 +110,9 @@ class ConditionSession:
                     self._relearning.adopt(float(rest.t_s[0]))
                     continue
             piece, rest = rest.split(count)
-            full = self.sample.until_doubled == count
+            full, seen = self.sample.until_doubled == count, self.sample.windows_seen
             self.sample.add(piece.t_s, piece.values)
+            full = full and self.sample.windows_seen > seen
             if self.baseline is None:
                 self._held.append(piece)
                 if full:
