@@ -257,15 +257,15 @@ def pose_step(
         before, under = np.empty((4, 4)), np.empty((len(memory.anchors), 3))
         copy_matrix(body.pose, before)
         copy_matrix(seen.under[scan], under)
+        centre = pose_centre(seen, scan, memory.anchors)
         deepest = verdict = Verdict(0, 0.0, 0.0, False, 0)
         for attempt in range(_KNOBS.attempts):
             copy_matrix(before, body.pose)
-            verdict = fit_pose(seen, scan, doubts, limits, contacts, solution, memory.anchors, body)
+            verdict = fit_pose(seen, scan, centre, doubts, limits, contacts, solution, memory.anchors, body)
             if attempt == 0:
                 deepest = verdict
             if not another(attempt, verdict, deepest, usual, under, seen.under[scan]):
                 break
-        centre = pose_centre(seen, scan, memory.anchors)
         verdict = inherit(contacts, solution, centre, limits, verdict, memory.anchors, body)
         unscale(solution, verdict, centre, limits.length_m, limits.pose_m, pose)
         factor = widen(past, usual, verdict, pose)

@@ -87,6 +87,7 @@ def pose_centre(seen: Seen, scan: int, anchors: Records) -> Floats:
 def fit_pose(
     seen: Seen,
     scan: int,
+    centre: Floats,
     doubts: tuple[Floats, float, float],
     limits: Limits,
     contacts: Contacts,
@@ -94,13 +95,13 @@ def fit_pose(
     anchors: Records,
     body: Body,
 ) -> Verdict:
-    """Move the body to where its anchored contacts are; the solution holds its covariance, scaled, at `pose_centre`.
+    """Move the body to where its anchored contacts are; the solution holds its covariance, scaled, at the centre.
 
-    doubts: derivatives of the pads' places by the joints (pads, 6, joints), standard deviation of a joint's angle, and
-    `usual_misfit`.
+    centre: (3,), see `pose_centre`. doubts: derivatives of the pads' places by the joints (pads, 6, joints), standard
+    deviation of a joint's angle, and `usual_misfit`.
     """
     J, joint_std, usual = doubts
-    step, centre = np.zeros(6), pose_centre(seen, scan, anchors)
+    step = np.zeros(6)
     verdict = Verdict(0, 0.0, 0.0, False, 0)
     for _ in range(4):  # steps of Gauss-Newton
         linearise(seen, scan, centre, limits, contacts, anchors, body)
