@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
@@ -43,10 +44,18 @@ def test_the_sdh_is_known_by_its_message_and_its_pads_are_put_into_the_controlle
 def test_pressures_of_the_sdh_are_pascals(tmp_path: Path) -> None:
     scans = scans_of(*SDH_CELLS)
     path = write_bag(tmp_path / "a.bag", {"/p": ("schunk_sdh/msg/PressureArrayList", scans)})
-    recording = read(path)
-    assert (recording.sensor.unit, recording.sensor.to_si) == ("Pa", 1.0)
-    assert "read as Pa" in recording.notes[0]
-    assert recording.load().values.max() == max(part.max() for parts in scans for part in parts)
+    for recording in (read(path), read(path, "schunk-sdh2")):
+        assert (recording.sensor.unit, recording.sensor.to_si) == ("Pa", 1.0)
+        assert "read as Pa" in recording.notes[0]
+        assert recording.load().values.max() == max(part.max() for parts in scans for part in parts)
+
+
+def test_a_sensor_file_gives_the_unit_of_pressures_of_the_sdh(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "a.bag", {"/p": ("schunk_sdh/msg/PressureArrayList", scans_of(*SDH_CELLS))})
+    of_file = msgspec.structs.replace(load_sensor("schunk-sdh2"), unit="MPa", scale_pa=None, full_scale=None)
+    recording = read(path, of_file)
+    assert recording.sensor == of_file
+    assert not recording.notes
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from taxelflow.acquire.ros.columns import columns_of
 from taxelflow.acquire.ros.decode import Decoder, store_of
 from taxelflow.acquire.ros.kinds import Kind, ros2_name
 from taxelflow.acquire.ros.topics import Topic
+from taxelflow.acquire.ros.units import in_unit_of
 from taxelflow.errors import AddressInvalid, ExtraMissing
 
 if TYPE_CHECKING:
@@ -189,6 +190,6 @@ def inspire(address: Address, sensor: Sensor | None) -> ByteSource:
 
 
 def _source(address: Address, sensor: Sensor | None, topic: str, name: str, kind: Kind, *, timed: bool) -> ByteSource:
-    sensor, faults = need_sensor(address, sensor), Faults()
+    sensor, faults = in_unit_of(kind, need_sensor(address, sensor)), Faults()
     reader = DdsReader(domain_of(address), topic, dds_type(store_of(name, "", "", kind.definition), name))
     return ByteSource(address, sensor, reader, CdrParser(sensor, name, kind, faults, timed=timed), faults)

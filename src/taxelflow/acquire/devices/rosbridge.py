@@ -18,6 +18,7 @@ from taxelflow.acquire.devices.websocket import WebSocket
 from taxelflow.acquire.ros.columns import columns_of
 from taxelflow.acquire.ros.decode import follow, parts_of
 from taxelflow.acquire.ros.kinds import kind_of, known_types
+from taxelflow.acquire.ros.units import in_unit_of
 from taxelflow.errors import AddressInvalid
 from taxelflow.runtime.endpoints import authority
 
@@ -55,6 +56,10 @@ class RosbridgeParser:
                 return []
             if self._kind is None:
                 self._faults.count("bad message", "its type is not known; give ?type=PACKAGE/NAME")
+                return []
+            if in_unit_of(self._kind, self._sensor) != self._sensor:  # too late: the run has begun in the other unit
+                seen = f"it holds {self._kind.unit}, sensor {self._sensor.name!r} {self._sensor.unit}"
+                self._faults.count("bad message", f"{seen}; give ?type={self._kind.types[0].replace('/msg/', '/')}")
                 return []
             return [self._scan(message["msg"], self._kind)]
         except Exception as error:  # a damaged message may be anything
@@ -103,6 +108,7 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     topic = "/" + address.need_path("rosbridge://HOST:PORT/topic").lstrip("/")
     sensor, faults = need_sensor(address, sensor), Faults()
     kind = asked_kind(address)
+    sensor = sensor if kind is None else in_unit_of(kind, sensor)
     timed = is_timed(address)
     asks = {"op": "call_service", "service": "/rosapi/topic_type", "args": {"topic": topic}}
     wants: dict[str, Any] = {"op": "subscribe", "topic": topic, "queue_length": 0}

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-import msgspec
 import numpy as np
 
 from taxelflow.acquire.base import Recording
@@ -20,6 +19,7 @@ from taxelflow.acquire.ros.kinds import SCAN
 from taxelflow.acquire.ros.mcap import McapSource, seen
 from taxelflow.acquire.ros.rosbag import RosbagSource
 from taxelflow.acquire.ros.topics import choose
+from taxelflow.acquire.ros.units import in_unit_of
 from taxelflow.errors import (
     RecordingCorrupt,
     RecordingTruncated,
@@ -71,13 +71,13 @@ def open_bag(path: Path, sensor: Sensor | None, topic: str | None = None) -> Rec
         raise RecordingCorrupt(path, seen(error), remedy) from error
     received_s, stamps_s, parts, named = _probe(path, source, chosen, decoder)
     cells = [len(part) for part in parts]
-    sensor = sensor or sensor_in(path, source.metadata) or _sensor(path, kind, cells)
+    sensor = in_unit_of(kind, sensor or sensor_in(path, source.metadata) or _sensor(path, kind, cells))
     if columns_of(sensor, kind, cells, named) is None:
         raise TaxelCountWrong(path, sum(cells), sensor.name, sensor.channel_map.columns)
     doubt = "" if kind is SCAN else _stamp_error(stamps_s, received_s)
     reader = _Reader(path, source, chosen, decoder, sensor, kind, cells, not doubt, scans_per_block(sensor))
     notes = [f"{doubt}: times are those of receipt"] if doubt else []
-    notes += [kind.note] if kind.note else []
+    notes += [kind.note] if kind.note and kind.unit in ("", sensor.unit) else []  # else a sensor file has its own unit
     return Recording(
         path,
         _format(path, chosen),
@@ -133,15 +133,8 @@ def _sensor(path: Path, kind: Kind, cells: list[int]) -> Sensor:
         if name in builtin_sensors():
             sensor = load_sensor(name)
             if columns_of(sensor, kind, cells) is not None:
-                return _in_unit(sensor, kind)
+                return sensor
     raise SensorNeeded(path, builtin_sensors())
-
-
-def _in_unit(sensor: Sensor, kind: Kind) -> Sensor:
-    if not kind.unit or kind.unit == sensor.unit:
-        return sensor
-    full = None if sensor.full_scale is None else sensor.full_scale * sensor.to_si
-    return msgspec.structs.replace(sensor, unit=kind.unit, scale_pa=None, full_scale=full)
 
 
 def _stamp_error(stamps_s: Floats, received_s: Floats) -> str:
