@@ -76,10 +76,18 @@ def _field_type(store: Typestore, kind: Any, made: dict[str, Any]) -> Any:
     return types.array[element, detail[1]] if node.name == "ARRAY" else types.sequence[element]
 
 
-def best_effort() -> Any:
-    """Quality of service of sensors' topics."""
+def best_effort(kept: int = 64) -> Any:
+    """Quality of service of sensors' topics: of a reader, one that takes from every writer. kept: messages."""
     policy = cyclonedds().core.Policy
-    return cyclonedds().qos.Qos(policy.Reliability.BestEffort, policy.History.KeepLast(64))
+    return cyclonedds().qos.Qos(policy.Reliability.BestEffort, policy.History.KeepLast(kept))
+
+
+def reliable(kept: int = 64) -> Any:
+    """Quality of service of results: only what a reliable writer offers reaches every reader, and `ros2 topic echo`
+    asks for it. kept: the last messages, which a slow reader may still get; writing never waits for it.
+    """
+    policy = cyclonedds().core.Policy
+    return cyclonedds().qos.Qos(policy.Reliability.Reliable(max_blocking_time=0), policy.History.KeepLast(kept))
 
 
 class DdsReader:
