@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import runpy
+import signal
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from streaming import slid
+from taxelflow.messages import RawScans, cut
 from taxelflow.publish.sinks.six_axes import UNKNOWN
 
 PACKAGE = Path(__file__).resolve().parents[3] / "ros" / "taxelflow_ros"
@@ -58,10 +60,36 @@ class Node:
         return SimpleNamespace(warning=lambda *_text, **_options: None)
 
 
+class Executor:
+    """Calls `turn` instead of waiting for messages."""
+
+    turn: ClassVar[Any] = None
+
+    def add_node(self, node: Any) -> None:
+        self.node = node
+
+    def spin_once(self, timeout_sec: float) -> None:
+        assert timeout_sec < 1.0
+        Executor.turn(self.node)
+
+
 def twist() -> Any:
     stamped = SimpleNamespace(header=SimpleNamespace(), twist=SimpleNamespace(twist=SimpleNamespace()))
     stamped.twist.twist.linear, stamped.twist.twist.angular = SimpleNamespace(), SimpleNamespace()
     return stamped
+
+
+def pose() -> Any:
+    stamped = SimpleNamespace(header=SimpleNamespace(), pose=SimpleNamespace(pose=SimpleNamespace()))
+    stamped.pose.pose.position, stamped.pose.pose.orientation = SimpleNamespace(), SimpleNamespace()
+    return stamped
+
+
+def send(node: Any, scans: Any) -> None:
+    for t_s, values in zip(scans.t_s.tolist(), scans.values, strict=True):
+        stamp = SimpleNamespace(sec=int(t_s), nanosec=round(t_s % 1 * 1e9))
+        channel = SimpleNamespace(name="", values=values)
+        node.scan(SimpleNamespace(header=SimpleNamespace(stamp=stamp), sensors=[channel]))
 
 
 @pytest.fixture
@@ -71,13 +99,17 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         'name = "hand"\nunit = "Pa"\n[[pads]]\nname = "pad0"\nrows = 4\ncols = 7\npitch_m = [0.01, 0.01]\n'
     )
     modules = {
-        "rclpy": {"init": lambda: None, "try_shutdown": lambda: None},
+        "rclpy": {"init": lambda **_options: None, "try_shutdown": lambda: None},
         "rclpy.exceptions": {"NameValidationException": ValueError, "ParameterException": ParameterException},
-        "rclpy.executors": {"ExternalShutdownException": ExternalShutdownException},
+        "rclpy.executors": {
+            "ExternalShutdownException": ExternalShutdownException,
+            "SingleThreadedExecutor": Executor,
+        },
+        "rclpy.signals": {"SignalHandlerOptions": SimpleNamespace(NO=0)},
         "rclpy.logging": {"get_logger": lambda _name: SimpleNamespace(fatal=Node.fatal.append)},
         "rclpy.node": {"Node": Node},
         "rclpy.qos": {"qos_profile_sensor_data": None},
-        "geometry_msgs.msg": {"TwistWithCovarianceStamped": twist},
+        "geometry_msgs.msg": {"TwistWithCovarianceStamped": twist, "PoseWithCovarianceStamped": pose},
         "std_msgs.msg": {"String": lambda data: SimpleNamespace(data=data)},
         "tactile_msgs.msg": {"TactileState": SimpleNamespace},
         "xela_server_ros2.msg": {"SensStream": SimpleNamespace},
@@ -102,10 +134,8 @@ def test_scans_in_twist_slips_and_events_out(node: Any) -> None:
     assert topic == "/touch"
     assert node.live.pipeline.condition.contact_on == 7.0
     scans = slid()
-    for t_s, values in zip(scans.t_s.tolist(), scans.values, strict=True):
-        stamp = SimpleNamespace(sec=int(t_s), nanosec=round(t_s % 1 * 1e9))
-        channel = SimpleNamespace(name="", values=values)
-        call(SimpleNamespace(header=SimpleNamespace(stamp=stamp), sensors=[channel]))
+    assert call == node.scan
+    send(node, scans)
     assert len(node.published["~/slips"]) == len(scans)
     assert json.loads(node.published["~/slips"][-1].data)["pads"]["pad0"]["contact"] is True
     assert json.loads(node.published["~/events"][0].data)["event"] == "contact"
@@ -140,15 +170,57 @@ def test_a_twist_of_messages_whose_stamp_is_not_set_has_the_time_of_receipt(node
     assert node.published["~/object"][-1].header.stamp == "now"
 
 
-@pytest.mark.parametrize("signal", [KeyboardInterrupt, ExternalShutdownException])
-def test_a_signal_ends_the_node_in_order(module: dict[str, Any], signal: type[BaseException]) -> None:
-    def spin(_node: Any) -> None:
-        raise signal
+def test_the_hand_in_space_is_published(module: dict[str, Any], tmp_path: Path) -> None:
+    size = "rows = 4\ncols = 7\npitch_m = [0.01, 0.01]\n"
+    pads = [f'[[pads]]\nname = "at{y}"\n{size}pose = [0, {y}, 0, 0, 0, 0, 1]\n' for y in (-0.04, 0.04)]
+    (tmp_path / "placed.toml").write_text('name = "two"\nunit = "Pa"\n' + "".join(pads))
+    Node.given |= {"sensor": str(tmp_path / "placed.toml")}
+    node, scans = module["SlipNode"](), slid()
+    send(node, RawScans(scans.t_s, np.hstack([scans.values, scans.values])))
+    moved, placed = node.published["~/object3d"][-1], node.published["~/pose3d"][-1]
+    assert moved.twist.twist.linear.x == pytest.approx(0.05, rel=0.3)
+    assert (placed.header.frame_id, placed.pose.pose.position.x > 0.0) == ("hand", True)
+    assert min(np.reshape(placed.pose.covariance, (6, 6)).diagonal()) > 0.0
 
-    module["rclpy"].spin = spin
+
+def test_pressures_in_pascals_are_not_taken_as_counts(module: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    messages = ModuleType("schunk_sdh.msg")
+    vars(messages)["PressureArrayList"] = SimpleNamespace
+    monkeypatch.setitem(sys.modules, "schunk_sdh.msg", messages)
+    Node.given |= {"sensor": "schunk-sdh2", "type": "schunk_sdh/PressureArrayList"}
+    assert module["SlipNode"]().live.recording.sensor.unit == "Pa"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_node_in_order_and_publishes_what_was_held_back(
+    module: dict[str, Any], number: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[Any] = []
+
+    def turn(node: Any) -> None:
+        sent.append(node)
+        send(node, cut(slid(), 0, 8))  # results of the first scans wait for the noise
+        signal.raise_signal(number)
+
+    monkeypatch.setattr(Executor, "turn", turn)
     module["main"]()
     assert Node.ended == ["taxelflow"]
     assert not Node.fatal
+    assert len(sent[0].published["~/slips"]) == 8
+
+
+def test_the_end_of_ros_ends_the_node(module: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def turn(_node: Any) -> None:
+        raise ExternalShutdownException
+
+    monkeypatch.setattr(Executor, "turn", turn)
+    module["main"]()
+    assert Node.ended == ["taxelflow"]
+
+
+def test_the_package_depends_on_the_messages_of_its_defaults(module: dict[str, Any]) -> None:
+    needed = {module["_USUAL"]["type"].partition("/")[0], "geometry_msgs", "std_msgs", "rclpy"}
+    assert all(f"<exec_depend>{name}</exec_depend>" in (PACKAGE / "package.xml").read_text() for name in needed)
 
 
 def test_a_parameter_of_another_type_is_one_line_of_the_log(module: dict[str, Any]) -> None:
