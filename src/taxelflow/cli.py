@@ -262,11 +262,11 @@ def _run(args: list[str]) -> int:
 
 def main(args: list[str] | None = None) -> int:
     """Run one command; errors that were foreseen become one line on stderr and exit code 2."""
-    settle_streams()
-    logging.basicConfig(format="taxelflow: %(message)s", level=logging.WARNING)
-    _join_lines_of_help()
     args = sys.argv[1:] if args is None else args
     try:
+        settle_streams()
+        logging.basicConfig(format="taxelflow: %(message)s", level=logging.WARNING)
+        _join_lines_of_help()
         code = _run(args)
         with written_at(OUTPUT):
             sys.stdout.flush()
