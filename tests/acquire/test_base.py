@@ -94,9 +94,9 @@ def test_a_wrong_number_of_taxels_names_both_counts_and_the_sensor() -> None:
 
 
 def test_a_recording_without_scans_is_corrupt() -> None:
-    with pytest.raises(RecordingCorrupt, match="before the first scan"):
+    with pytest.raises(RecordingCorrupt, match="not damaged, but holds no scans"):
         Recording("memory", "memory", ONE, lambda: iter([])).load()
-    with pytest.raises(RecordingCorrupt, match="before the first scan"):
+    with pytest.raises(RecordingCorrupt, match="not damaged, but holds no scans"):
         recorded(np.zeros((0, 1)), ONE).load()
 
 

@@ -119,8 +119,8 @@ def test_a_last_row_that_is_too_long_is_corrupt(tmp_path: Path) -> None:
         read_csv(tmp_path, HEADER + "0,1,2,3\n1,1,2,3,4\n")
 
 
-def test_a_header_alone_is_corrupt(tmp_path: Path) -> None:
-    with pytest.raises(RecordingCorrupt, match="no scan is readable"):
+def test_a_header_alone_is_refused_as_empty(tmp_path: Path) -> None:
+    with pytest.raises(RecordingCorrupt, match=r"it is not damaged, but holds no scans; record it again$"):
         read_csv(tmp_path, HEADER)
 
 

@@ -210,19 +210,18 @@ class Reading:
                 block = self._checked(next(self._blocks))
             except RecordingTruncated as loss:
                 if not self.scans:
-                    raise self._empty(loss.seen) from loss
+                    seen = f"no scan is readable: {loss.seen}"
+                    raise RecordingCorrupt(self._recording.source, seen, "record or copy it again") from loss
                 self.loss = loss
                 raise StopIteration from None
             except StopIteration:
                 if not self.scans and self.loss is None:
-                    raise self._empty("it ends before the first scan") from None
+                    seen = "it is not damaged, but holds no scans"
+                    raise RecordingCorrupt(self._recording.source, seen, "record it again") from None
                 self._check_length()
                 raise
             if len(block):
                 return block
-
-    def _empty(self, seen: str) -> RecordingCorrupt:
-        return RecordingCorrupt(self._recording.source, f"no scan is readable: {seen}", "record or copy it again")
 
     def _checked(self, block: RawScans) -> RawScans:
         sensor = self._recording.sensor

@@ -157,7 +157,7 @@ def test_an_empty_topic_is_refused(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "a.bag", {"/dsa": (SDH, []), "/log": ("std_msgs/msg/String", [["x"]])})
     with pytest.raises(TopicUnclear, match="no topic has messages of a known type"):
         read(path)
-    with pytest.raises(RecordingCorrupt, match="topic /dsa holds no messages"):
+    with pytest.raises(RecordingCorrupt, match="not damaged, but topic /dsa holds no messages, so there are no scans"):
         read(path, topic="/dsa")
 
 

@@ -116,7 +116,8 @@ def _probe(
         if not stamps:
             raise RecordingCorrupt(path, f"no message of {topic.name} is readable: {error}", _REMEDY) from error
     if not stamps:
-        raise RecordingCorrupt(path, f"topic {topic.name} holds no messages", "record it again, or choose another")
+        seen = f"it is not damaged, but topic {topic.name} holds no messages, so there are no scans"
+        raise RecordingCorrupt(path, seen, "record it again, or choose another topic")
     return np.array(received_s), np.array(stamps), first, named
 
 
