@@ -372,6 +372,32 @@ def test_live_refuses_a_scan_of_another_size() -> None:
             Live(PALM).push(RawScans(np.zeros(times), np.zeros(shape)))
 
 
+@pytest.mark.parametrize(
+    ("times", "seen"),
+    [
+        ([0.1], "scan 0 is at 0.100000 s after 0.390000 s"),
+        ([0.39], "scan 0 is at 0.390000 s after 0.390000 s"),
+        ([float("nan")], "scan 0 is at nan s"),
+        ([float("inf")], "scan 0 is at inf s"),
+        ([0.5, 0.4], "scan 1 is at 0.400000 s after 0.500000 s"),
+    ],
+)
+def test_live_refuses_a_block_whose_times_do_not_increase(times: list[float], seen: str) -> None:
+    """A scan in the past gives velocities of wrong sign, and one without a time ends all windows."""
+    live, scans = Live(PALM), slid()
+    live.push(RawScans(0.01 * np.arange(40), scans.values[:40]))
+    with pytest.raises(RecordingCorrupt, match=f"cannot read a block: {seen}.*; give times in s that increase, or use"):
+        live.push(RawScans(np.array(times), scans.values[: len(times)]))
+    assert len(live.push(RawScans(np.array([0.4]), scans.values[40:41]))) == 1
+
+
+def test_live_counts_a_scan_without_a_time() -> None:
+    live = Live(PALM, adoptions=[])
+    for t_s in (0.0, float("nan"), float("inf")):
+        assert len(live.step(t_s, np.zeros(28))) == 0
+    assert live.faults == {"time out of range": 2}
+
+
 @pytest.mark.parametrize(("t_s", "values"), [("now", [0.0] * 28), (None, [0.0] * 28), (0.0, "text"), (0.0, [{}] * 28)])
 def test_live_refuses_what_is_no_scan(t_s: Any, values: Any) -> None:
     with pytest.raises(RecordingCorrupt, match=r"the scan: not numbers: .*; give t_s in s, and an array of numbers"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from taxelflow.acquire.devices.base import Arrival, Faults
 from taxelflow.acquire.devices.timeline import Timeline
 from taxelflow.errors import ParameterInvalid, RecordingCorrupt, TaxelCountWrong
 from taxelflow.messages import RawScans
+from taxelflow.numerics.clock import FARTHEST_S
 from taxelflow.numerics.unmasked import floats_of
 from taxelflow.pipeline.api import pipeline_of
 from taxelflow.runtime.adoption import AsRecorded, WhenReady
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
     from taxelflow.condition.parameters import Conditioner
     from taxelflow.estimation.base import Estimator
     from taxelflow.estimation.smoothing.parameters import Smoothing
-    from taxelflow.messages import Output
+    from taxelflow.messages import Floats, Output
     from taxelflow.runtime.adoption import Adoption
     from taxelflow.sensors.calibration import Calibration
     from taxelflow.slip.parameters import SlipMonitor
@@ -41,8 +43,8 @@ class Live:
     `estimator` and `estimate` raise for these. adoptions: those of a former loop, to reproduce its results from the
     same scans; if left out, what is learned is used when it is ready, and the loop never waits.
 
-    pads: names along the second axis of results. faults: counts of scans that were repeated or late, that hold a
-    number beyond 1e30, which is a missing reading, and of jumps of the clock.
+    pads: names along the second axis of results. faults: counts of scans that were repeated or late, that have no
+    finite time, that hold a number beyond 1e30, which is a missing reading, and of jumps of the clock.
     """
 
     def __init__(
@@ -71,6 +73,7 @@ class Live:
         self.pads = recording.layout.pads
         self._faults = Faults()
         self._timeline = Timeline(self._faults)
+        self._last_s = -math.inf
         self._adopting = WhenReady() if adoptions is None else _recorded(adoptions)
         self.run = self.pipeline.start(recording, self._adopting)
 
@@ -88,8 +91,8 @@ class Live:
 
         t_s: the sensor's clock. values: (columns,), readings in the sensor's unit and order, NaN or masked where
         missing; or (rows, cols) of a sensor with one full grid, row 0 on top, (rows, cols, 3) of three axes.
-        A repeated or late scan gives no result;
-        after a jump of the clock, time continues from the last scan. Raises TaxelCountWrong, RecordingCorrupt, and
+        A repeated or late scan, or one without a finite time, gives no result and is counted in `faults`; after a jump
+        of the clock, time continues from the last scan. Raises TaxelCountWrong, RecordingCorrupt, and
         RunEnded after `finish`.
         """
         try:
@@ -116,7 +119,8 @@ class Live:
     def push(self, scans: RawScans) -> Output:
         """Results that are ready after these scans: (scans, columns) as the source sends them, later than all before.
 
-        Raises RecordingCorrupt, TaxelCountWrong, and RunEnded after `finish`.
+        Raises RecordingCorrupt, also for times that do not increase, after which the loop goes on without that block;
+        TaxelCountWrong, and RunEnded after `finish`.
         """
         columns = self.recording.sensor.channel_map.columns
         if scans.values.ndim != 2 or scans.t_s.shape != (len(scans.values),):
@@ -124,11 +128,25 @@ class Live:
             raise RecordingCorrupt("a block", seen, f"give t_s (scans,) and values (scans, {columns})")
         if scans.values.shape[1] != columns:
             raise TaxelCountWrong("a block", scans.values.shape[-1], self.recording.sensor.name, columns)
+        self._last_s = _latest(scans.t_s, self._last_s)
         return self.run.step(self.recording.sensor.channel_map.of_source(scans))
 
     def finish(self) -> Output:
         """Results that were held back; no scan may follow. Raises RunEnded when it is called again."""
         return self.run.finish()
+
+
+def _latest(t_s: Floats, last_s: float) -> float:
+    """The last of times (scans,) after one before. Raises RecordingCorrupt where they do not increase."""
+    for scan, now_s in enumerate(t_s.tolist()):
+        if not (last_s < now_s and abs(now_s) <= FARTHEST_S):  # nor do they with NaN
+            after = f" after {last_s:.6f} s" if math.isfinite(last_s) else ""
+            seen = f"scan {scan} is at {now_s:.6f} s{after}"
+            raise RecordingCorrupt(
+                "a block", seen, "give times in s that increase, or use step, which drops such scans"
+            )
+        last_s = now_s
+    return last_s
 
 
 def no_time(columns: int) -> RawScans:
