@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.runtime.checks import positive
+from taxelflow.runtime.checks import numeric, positive
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -48,10 +48,12 @@ class Conditioner:
     """Length of a causal median filter, scans, an odd number; 1: off. Its lag is added to lag_s."""
 
     def __post_init__(self) -> None:
+        numeric(self)
         for name, known in (("tare", Tare), ("repeats", Repeats), ("drift", Drifting)):
             if getattr(self, name) not in get_args(known):
                 raise ParameterInvalid(name, getattr(self, name), f"be one of {', '.join(get_args(known))}")
-        if self.mask not in ("auto", "none") and not all(part.strip().isdecimal() for part in self.mask.split(",")):
+        listed = self.mask.split(",") if isinstance(self.mask, str) else [""]
+        if self.mask not in ("auto", "none") and not all(part.strip().isdecimal() for part in listed):
             raise ParameterInvalid("mask", self.mask, "be auto, none, or numbers of taxels such as 17,203")
         if not 0 <= self.lowpass_hz < float("inf"):
             raise ParameterInvalid("lowpass_hz", self.lowpass_hz, "be a frequency in Hz, or 0 for no filter")

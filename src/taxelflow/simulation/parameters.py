@@ -7,7 +7,7 @@ from math import hypot
 from typing import Literal, get_args
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.runtime.checks import not_negative, positive, within
+from taxelflow.runtime.checks import not_negative, numeric, positive, within
 from taxelflow.sensors.pads import LARGEST
 
 Shape = Literal["airbag", "hertz", "elongated", "feet", "textured", "bulb"]
@@ -229,6 +229,7 @@ class Sensing:
     """Numbers of dead taxels in the scan, which read offset and noise only."""
 
     def __post_init__(self) -> None:
+        numeric(self, "sensing.")
         positive("sensing.rate_hz", self.rate_hz)
         positive("sensing.full_scale_pa", self.full_scale_pa)
         for name in ("noise_pa", "gain_spread", "gain_wobble", "jitter_s"):

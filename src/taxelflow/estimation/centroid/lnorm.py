@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime.checks import numeric
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
@@ -25,6 +26,7 @@ class LNorm:
     """Pitches that one unit of the paper's index stands for."""
 
     def __post_init__(self) -> None:
+        numeric(self)
         if not 0 < self.gain < float("inf"):
             raise ParameterInvalid("gain", self.gain, "be a finite number above 0; 1 if uncalibrated")
 

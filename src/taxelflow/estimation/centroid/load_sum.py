@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime.checks import numeric
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
@@ -24,6 +25,7 @@ class Sum:
     """Cut-off frequency of the high-pass filter of the load, Hz; slower changes are attributed to the grip."""
 
     def __post_init__(self) -> None:
+        numeric(self)
         if not 0 < self.cutoff_hz < float("inf"):
             raise ParameterInvalid("cutoff_hz", self.cutoff_hz, "be a finite number above 0, in Hz")
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import ParameterInvalid
-from taxelflow.runtime.checks import not_negative
+from taxelflow.runtime.checks import not_negative, numeric
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode
@@ -31,6 +31,7 @@ class PrincipalAxis:
     (line). Theta is left empty below it. The grid of taxels alone gives a round contact about 0.05."""
 
     def __post_init__(self) -> None:
+        numeric(self)
         if not 0 < self.most_std_rad < float("inf"):
             raise ParameterInvalid("most_std_rad", self.most_std_rad, "be a finite number above 0, in rad")
         not_negative("sigmas", self.sigmas)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime.checks import numeric
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import Mode, SlipSource
@@ -28,6 +29,7 @@ class Smoothing:
     a rotation is as of a point at the pad's radius of gyration. 0: no smoothing."""
 
     def __post_init__(self) -> None:
+        numeric(self, "smooth.")
         if not 0 <= self.acceleration_m_s2 < float("inf"):
             duty = "be 0 (no smoothing) or more, in m/s^2"
             raise ParameterInvalid("smooth.acceleration_m_s2", self.acceleration_m_s2, duty)

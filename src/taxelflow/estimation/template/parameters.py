@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taxelflow.errors import ParameterInvalid
+from taxelflow.runtime.checks import numeric
 
 if TYPE_CHECKING:
     from taxelflow.estimation.base import EstimatorSession, Mode
@@ -27,6 +28,7 @@ class Template:
     waits."""
 
     def __post_init__(self) -> None:
+        numeric(self)
         if not 20 <= self.window_scans <= 100_000 or self.window_scans % 1:
             raise ParameterInvalid("window_scans", self.window_scans, "be between 20 and 100000 scans")
         if not 0 <= self.latency_s < float("inf"):
