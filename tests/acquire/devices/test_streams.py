@@ -213,6 +213,19 @@ def test_a_comma_after_the_last_reading_does_not_make_the_first_one_a_time(colum
     assert (t_s, values.tolist()) == (None, [5.0] * columns)
 
 
+@pytest.mark.parametrize("joins_late", [False, True])
+def test_a_line_without_an_end_counts_once(joins_late: bool) -> None:
+    faults = Faults()
+    parser = LineParser(2, faults, timed=True, joins_late=joins_late)
+    for _ in range(64):
+        assert parser.feed(b"1," * 32768) == []
+    assert faults.counts == {"bad line": 1}
+    ((t_s, _),) = parser.feed(b"3\n1,2,3\n")
+    assert (t_s, faults.counts) == (1.0, {"bad line": 1})
+    parser.feed(b"1" * 2_000_000)
+    assert faults.counts == {"bad line": 2}
+
+
 @pytest.mark.parametrize("rest", [b"", b"  \r", b"# the end"])
 def test_what_is_no_line_may_end_a_connection(rest: bytes) -> None:
     faults = Faults()

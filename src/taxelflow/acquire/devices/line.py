@@ -47,16 +47,18 @@ class LineParser:
         """See `Parser`."""
         self._rest = b""
         self._skips = self._joins_late
+        self._endless = False
 
     def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
         """See `Parser`."""
         *lines, self._rest = (self._rest + received.replace(b"\r", b"\n")).split(b"\n")
         if self._skips and lines:
-            self._skips = False
+            self._skips = self._endless = False
             del lines[0]
         if len(self._rest) > _LONGEST_LINE:
-            self._faults.count("bad line", f"{len(self._rest)} bytes without an end")
-            self._rest, self._skips = b"", True
+            if not self._endless:  # else it is the rest of a line that has been counted
+                self._faults.count("bad line", f"more than {_LONGEST_LINE} bytes without an end")
+            self._rest, self._skips, self._endless = b"", True, True
         return [scan for line in lines if (scan := self._scan(line)) is not None]
 
     def end(self) -> list[tuple[float | None, Floats]]:
