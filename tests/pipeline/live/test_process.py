@@ -31,6 +31,19 @@ def sensor(tmp_path: Path) -> str:
     return str(tmp_path / "hand.toml")
 
 
+@pytest.mark.parametrize("words", [["run", "replay:{}?speed=max"], ["emulate", "tcp://127.0.0.1:0", "--from", "{}"]])
+@pytest.mark.parametrize("header", ["t_s;a;b\n0;1;2\n", "t_s,a,note,b\n0,1,x,2\n"])
+def test_a_table_that_needs_columns_is_to_be_converted_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], header: str
+) -> None:
+    """These commands take no --columns, which the reader's error asks for."""
+    (tmp_path / "a.csv").write_text(header)
+    command = [word.format(tmp_path / "a.csv") for word in words]
+    said = refused(capsys, *command, "--sensor", "grid:1x2@4mm")
+    assert " --columns." in said
+    assert "this command takes no --columns: give them to `taxelflow convert`, and this command the .npz\n" in said
+
+
 @pytest.mark.long
 def test_lines_on_standard_input_become_json_lines_and_nothing_else_on_standard_output(sensor: str) -> None:
     done = subprocess.run(

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import sys
 import time
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from taxelflow.acquire.devices.base import POLL_S, Arrival, Faults
-from taxelflow.errors import AddressInvalid, NameUnknown, SourceUnreachable, TopicUnclear
+from taxelflow.errors import AddressInvalid, NameUnknown, RecordingError, SourceUnreachable, TopicUnclear
 from taxelflow.pipeline import api
 from taxelflow.pipeline.live.adoptions import OPTION, asked_missed
 from taxelflow.simulation.scenario import SCENARIOS
@@ -22,6 +23,18 @@ if TYPE_CHECKING:
     from taxelflow.acquire.base import Recording
     from taxelflow.runtime.addresses import Address
     from taxelflow.sensors.sensor import Sensor
+
+
+@contextmanager
+def without_columns() -> Iterator[None]:
+    """Add to an error that asks for --columns, which commands on live sources do not take, where to give them."""
+    try:
+        yield
+    except RecordingError as error:
+        if "--columns" not in str(error):
+            raise
+        remedy = "this command takes no --columns: give them to `taxelflow convert`, and this command the .npz"
+        raise RecordingError(f"{error}; {remedy}") from error
 
 
 class Replay:
@@ -48,6 +61,10 @@ class Replay:
         """Nothing is open."""
 
     def __iter__(self) -> Iterator[Arrival | None]:
+        with without_columns():
+            yield from self._arrivals()
+
+    def _arrivals(self) -> Iterator[Arrival | None]:
         reading = self.recording.source_blocks()
         began, first_s, noted = time.monotonic(), None, len(self.recording.notes)
         for block in reading:
@@ -82,7 +99,8 @@ def replay(address: Address, sensor: Sensor | None) -> Replay:
     address.check_options(("speed", "topic", OPTION))
     path = address.file_path("replay:FILE?speed=1")
     try:
-        recording = api.read(path, sensor, topic=address.options.get("topic"))
+        with without_columns():
+            recording = api.read(path, sensor, topic=address.options.get("topic"))
     except TopicUnclear as error:
         raise error.asked_by("?topic=NAME") from None
     return _paced(address, recording, asked_missed(address))

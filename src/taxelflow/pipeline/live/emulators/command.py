@@ -73,10 +73,12 @@ class Emulate:
         from dataclasses import replace
 
         from taxelflow.pipeline import api
+        from taxelflow.pipeline.live.replay import without_columns
         from taxelflow.simulation.scenario import SCENARIOS
 
         if Path(self.scans).exists():
-            return api.read(self.scans, self.sensor)
+            with without_columns():
+                return api.read(self.scans, self.sensor)
         if self.scans not in SCENARIOS:
             raise NameUnknown("recording or scenario", self.scans, SCENARIOS)
         from taxelflow.simulation.simulate import simulate
