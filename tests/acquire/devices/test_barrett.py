@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from streaming import awaited, opened
-from taxelflow.acquire.devices.barrett import CAN_FRAME, PUCKS, ask, frames_of
+from taxelflow.acquire.devices.barrett import CAN_FRAME, PUCKS, CanBus, ask, frames_of
 from taxelflow.errors import AddressInvalid
 from taxelflow.sensors.catalogue import load_sensor
 
@@ -93,3 +93,20 @@ def test_an_adapter_that_is_pulled_is_opened_again(monkeypatch: pytest.MonkeyPat
 def test_a_rate_of_zero_is_refused() -> None:
     with pytest.raises(AddressInvalid, match=r"rate=0; give rate=NUMBER, at least 0.1"):
         opened("barrett-can:can0?rate=0", HAND)
+
+
+def test_what_is_no_frame_does_not_end_the_emulated_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Garbage had identifiers that no frame can have, which ended all who listen."""
+    hands, other = CanBus("virtual", "garbage"), can.Bus(interface="virtual", channel="garbage")
+    hands.open()
+    hands.send(0xABCD, bytes(8))
+    assert other.recv(1.0).arbitration_id == 0x3CD
+
+    def damaged(_wait_s: float) -> None:
+        raise can.CanOperationError("could not unpack received message")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(hands._bus, "recv", damaged)
+        assert hands.asked(0.0) == 0
+    hands.shut()
+    other.shutdown()

@@ -183,8 +183,9 @@ class CanBus:
         return True
 
     def send(self, identifier: int, content: bytes) -> None:
-        """Send a frame. Raises OSError."""
-        self._bus.send(self._can.Message(arbitration_id=identifier, data=content, is_extended_id=False))
+        """Send a frame, whose identifier has 11 bits. Raises OSError."""
+        message = self._can.Message(arbitration_id=identifier & 0x7FF, data=content, is_extended_id=False)
+        self._bus.send(message)
 
     def receive(self) -> bytes:
         """See `Transport`."""
@@ -215,7 +216,10 @@ class CanBus:
 
     def asked(self, wait_s: float) -> int:
         """The puck that has been asked for readings, as an emulated one waits for; 0 if none."""
-        message = self._bus.recv(wait_s)
+        try:
+            message = self._bus.recv(wait_s)
+        except self._can.CanError:  # what another program sends
+            return 0
         return 0 if message is None or message.arbitration_id not in PUCKS else int(message.arbitration_id)
 
     def close(self) -> None:
