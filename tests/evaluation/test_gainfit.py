@@ -168,3 +168,34 @@ def test_what_cannot_be_known_is_an_error() -> None:
         fit_gains(seen, Trajectory(truth.t_s + 100, truth.place_m), PITCH, 1.0)
     with pytest.raises(GainsUnknown, match="spans only"):
         fit_gains(seen, Trajectory(truth.t_s, 0 * truth.place_m), PITCH, 1.0)
+
+
+def circling(t_s: Floats) -> Floats:
+    """Not quite circles."""
+    return 0.004 * np.stack([np.sin(1.95 * t_s), np.sin(1.45 * t_s + 0.4)], axis=1)
+
+
+def watched(way: Any, *, noise_m: float, rate_hz: float, log_hz: float, log_noise_m: float, seed: int) -> GainFit:
+    """The fit of 12 s of scans that see a way, on a pad with a pitch of 3 mm, and a robot's log with noise."""
+    random = np.random.default_rng(seed)
+    t_s = np.arange(0, 12, 1 / rate_hz)
+    seen = way(t_s) / GAIN + random.normal(0, noise_m, (len(t_s), 2))
+    known = np.full((len(t_s), 2), noise_m)
+    logged = np.arange(-2, 14, 1 / log_hz)
+    place = inverse_transform(FRAME, way(logged)) + random.normal(0, log_noise_m, (len(logged), 2))
+    return fit_gains(Sightings(t_s, seen, known, 0 * known), Trajectory(logged + OFFSET_S, place), 0.3 * PITCH, 1.0)
+
+
+@pytest.mark.long
+def test_noise_of_the_robots_log_is_not_taken_for_the_slope_of_its_path() -> None:
+    fits = [watched(circling, noise_m=8e-5, rate_hz=50, log_hz=200, log_noise_m=3e-4, seed=seed) for seed in range(12)]
+    drawn = np.sqrt(np.mean([scores(fit) ** 2 for fit in fits], axis=0))
+    assert (drawn > 0.5).all(), drawn
+    assert (drawn < 1.5).all(), drawn
+    assert np.mean([fit.offset_s for fit in fits]) == pytest.approx(OFFSET_S, abs=0.002)
+
+
+@pytest.mark.long
+def test_lines_between_the_samples_of_a_slow_log_do_not_lower_the_gains() -> None:
+    fits = [watched(circling, noise_m=4e-5, rate_hz=50, log_hz=3, log_noise_m=0.0, seed=seed) for seed in range(4)]
+    np.testing.assert_allclose(np.mean([fit.gain for fit in fits], axis=0), GAIN, rtol=0.005)

@@ -2,8 +2,9 @@
 
 Model, for scan k and axis a of the pad:  m_ka = p_ka / g_a + error,  p_k = R(phi) q(t_k + offset) + s,  with m the
 method's position at gain 1, q the robot's trajectory, (s, phi) the pose of the robot's frame in the pad's and offset
-the robot's clock less the sensor's. The truth is taken as exact, so the gain divides it: on the noisy side it
-would come out too small. Robust least squares (soft L1); standard errors from the Jacobian at the solution, with
+the robot's clock less the sensor's. The truth is smoothed, then taken as exact, so the gain divides it: on the noisy
+side it would come out too small. Robust least squares (soft L1); standard errors from the Jacobian at the solution,
+with
 
 - the scatter that noise does not explain (sampling by taxels), from the scans furthest from the edge's reach;
 - the correlation of consecutive residuals: one centroid is part of two indices, and sampling errors last.
@@ -18,6 +19,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from taxelflow.errors import GainsUnknown
+from taxelflow.evaluation.gain_errors import inflation
+from taxelflow.evaluation.robot_path import RobotPath, robot_path
 from taxelflow.numerics.geometry import rotation, transform
 
 if TYPE_CHECKING:
@@ -35,7 +38,6 @@ class _Search:
     """A path whose width is below this share of its length is a line, which determines one gain, not two."""
     unsure: float = 0.1
     """A gain with a larger relative standard deviation is called not observed."""
-    lags: int = 6
     fine: int = 400
     largest_gain: float = 20.0
     """And its inverse the smallest: beyond, lengths are in another unit."""
@@ -87,14 +89,15 @@ class GainFit:
 
 def fit_gains(seen: Sightings, truth: Trajectory, pitch_m: Floats, search_s: float) -> GainFit:
     """Gains, frames and time offset (within +-search_s). Raises GainsUnknown."""
-    offset = _coarse_offset(seen, truth, search_s)
-    used = _covered(seen, truth, offset)
+    path = robot_path(truth, float(np.median(np.diff(seen.t_s))) if len(seen) > 1 else 0.0)
+    offset = _coarse_offset(seen, path, search_s)
+    used = _covered(seen, path, offset)
     if used.sum() < _SEARCH.fewest:
         raise GainsUnknown(
             f"only {used.sum()} scans have a position within the trajectory's times",
             f"give at least {_SEARCH.fewest}, and check that both clocks agree within the search (now {search_s:g} s)",
         )
-    problem = _Problem(seen.chosen(used), truth, search_s, np.zeros(2))
+    problem = _Problem(seen.chosen(used), path, search_s, path.doubt(seen.t_s[used] + offset))
     length, width = problem.spread(offset)
     _check_length(length, float(np.hypot(*problem.places_std())), float(pitch_m.max()))
     plane = width > _SEARCH.flat * length
@@ -142,12 +145,12 @@ def _words(fit: GainFit) -> str:
 class _Problem:
     """Least squares over (gain_x, gain_y, phi, s_x, s_y, offset), lengths in units of 1 cm to be of one size."""
 
-    def __init__(self, seen: Sightings, truth: Trajectory, search_s: float, model_m: Floats) -> None:
-        self._seen, self._truth, self._search_s = seen, truth, search_s
+    def __init__(self, seen: Sightings, path: RobotPath, search_s: float, model_m: Floats) -> None:
+        self._seen, self._path, self._search_s, self._model_m = seen, path, search_s, model_m
         self._deviation = np.sqrt(seen.noise_m**2 + seen.edge_m**2 + model_m**2)
 
     def _robot(self, offset: float) -> Floats:
-        return _places(self._truth, self._seen.t_s + offset)
+        return self._path.at(self._seen.t_s + offset)
 
     def spread(self, offset: float) -> tuple[float, float]:
         """Length and width of the robot's way, weighted by how well the scans see it: standard deviations, m."""
@@ -194,7 +197,7 @@ class _Problem:
             max(0.0, float(np.mean(r[c] ** 2 - n[c] ** 2)))
             for r, c, n in zip(first.residual_m.T, clean.T, self._seen.noise_m.T, strict=True)
         ]
-        again = _Problem(self._seen, self._truth, self._search_s, np.sqrt(beyond))
+        again = _Problem(self._seen, self._path, self._search_s, np.hypot(self._model_m, np.sqrt(beyond)))
         return again._best(first.offset_s, tied)
 
     def _best(self, offset: float, tied: bool) -> GainFit:
@@ -218,7 +221,7 @@ class _Problem:
         normal = jacobian.T @ jacobian
         residual = self._left(found.x)
         whitened = residual / self._deviation
-        covariance = np.linalg.pinv(normal, hermitian=True) * _inflation(whitened)
+        covariance = np.linalg.pinv(normal, hermitian=True) * inflation(whitened)
         std = np.sqrt(np.diag(covariance))
         std[gains + 1 : gains + 3] *= 0.01
         gain, gain_std = (np.array(np.broadcast_to(part[:gains], 2)) for part in (found.x, std))
@@ -240,33 +243,29 @@ class _Problem:
         return np.append((self._left(x) / self._deviation).ravel(), x[-1] / limit)
 
 
-def _places(truth: Trajectory, t_s: Floats) -> Floats:
-    return np.stack([np.interp(t_s, truth.t_s, axis) for axis in truth.place_m.T], axis=1)
-
-
-def _covered(seen: Sightings, truth: Trajectory, offset: float) -> Bools:
+def _covered(seen: Sightings, path: RobotPath, offset: float) -> Bools:
     when = seen.t_s + offset
-    inside: Bools = (when >= truth.t_s[0]) & (when <= truth.t_s[-1])
+    inside: Bools = (when >= path.t_s[0]) & (when <= path.t_s[-1])
     return inside
 
 
-def _coarse_offset(seen: Sightings, truth: Trajectory, search_s: float) -> float:
+def _coarse_offset(seen: Sightings, path: RobotPath, search_s: float) -> float:
     """The offset of the best affine map between the two ways, by trial."""
     if search_s <= 0 or len(seen) < _SEARCH.fewest:
         return 0.0
     step = max(float(np.median(np.diff(seen.t_s))) / 2, 2 * search_s / _SEARCH.fine)
     trials = step * np.arange(-int(search_s / step), int(search_s / step) + 1)
-    costs = [_affine_cost(seen, truth, trial) for trial in trials.tolist()]
+    costs = [_affine_cost(seen, path, trial) for trial in trials.tolist()]
     return float(trials[int(np.argmin(costs))]) if np.isfinite(costs).any() else 0.0
 
 
-def _affine_cost(seen: Sightings, truth: Trajectory, offset: float) -> float:
+def _affine_cost(seen: Sightings, path: RobotPath, offset: float) -> float:
     """Mean squared residual per scan of the best affine map, in standard deviations."""
-    used = _covered(seen, truth, offset)
+    used = _covered(seen, path, offset)
     if used.sum() < max(_SEARCH.fewest, len(seen) // 4):
         return float("inf")
     part = seen.chosen(used)
-    q = np.column_stack([_places(truth, part.t_s + offset), np.ones(len(part))])
+    q = np.column_stack([path.at(part.t_s + offset), np.ones(len(part))])
     total = 0.0
     for m, noise, edge in zip(part.place_m.T, part.noise_m.T, part.edge_m.T, strict=True):
         weight = 1.0 / np.sqrt(noise**2 + edge**2)
@@ -280,14 +279,3 @@ def _clean(edge_m: Floats) -> Bools:
     share = max(0.25, _SEARCH.fewest / len(edge_m))
     clean: Bools = edge_m <= np.quantile(edge_m, share, axis=0)
     return clean
-
-
-def _inflation(whitened: Floats) -> float:
-    """How much larger variances are because consecutive residuals (scans, 2) are alike: 1 + 2 sum of correlations."""
-    power = float(np.sum(whitened**2))
-    lags = min(_SEARCH.lags, len(whitened) // 4)
-    if power <= 0 or lags < 1:
-        return 1.0
-    alike = [float(np.sum(whitened[lag:] * whitened[:-lag])) / power for lag in range(1, lags + 1)]
-    fading = 1 - np.arange(1, lags + 1) / (lags + 1)  # Bartlett's weights keep the sum above 0
-    return max(1.0, 1 + 2 * float(fading @ alike))
