@@ -199,3 +199,11 @@ def test_noise_of_the_robots_log_is_not_taken_for_the_slope_of_its_path() -> Non
 def test_lines_between_the_samples_of_a_slow_log_do_not_lower_the_gains() -> None:
     fits = [watched(circling, noise_m=4e-5, rate_hz=50, log_hz=3, log_noise_m=0.0, seed=seed) for seed in range(4)]
     np.testing.assert_allclose(np.mean([fit.gain for fit in fits], axis=0), GAIN, rtol=0.005)
+
+
+@pytest.mark.long
+def test_precise_positions_are_fitted_to_the_end() -> None:
+    for seed in range(4):
+        fit = watched(circling, noise_m=1e-6, rate_hz=50, log_hz=200, log_noise_m=0.0, seed=seed)
+        assert np.abs(scores(fit)).max() < 4
+        assert fit.std.max() < 1e-3

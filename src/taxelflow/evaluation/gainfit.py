@@ -214,9 +214,11 @@ class _Problem:
         lower, upper = -free, free.copy()
         lower[:gains], upper[:gains] = 1.0 / _SEARCH.largest_gain, _SEARCH.largest_gain
         lower[-1], upper[-1] = -limit, limit
-        found = least_squares(
-            self._residuals, start, bounds=(lower, upper), loss="soft_l1", args=(limit,), x_scale="jac", max_nfev=100
-        )
+        for loss in ("linear", "soft_l1"):  # from afar, robust steps end before the valley of angle and offset does
+            found = least_squares(
+                self._residuals, start, bounds=(lower, upper), loss=loss, args=(limit,), x_scale="jac", max_nfev=100
+            )
+            start = found.x
         jacobian = np.asarray(found.jac, dtype=np.float64)
         normal = jacobian.T @ jacobian
         residual = self._left(found.x)
