@@ -207,3 +207,19 @@ def test_precise_positions_are_fitted_to_the_end() -> None:
         fit = watched(circling, noise_m=1e-6, rate_hz=50, log_hz=200, log_noise_m=0.0, seed=seed)
         assert np.abs(scores(fit)).max() < 4
         assert fit.std.max() < 1e-3
+
+
+def test_steps_at_the_taxels_leave_the_gain_of_a_short_way_uncertain() -> None:
+    """The gain that the largest taxel of a short way gives is that of the way's place, however often it is gone."""
+
+    def stepping(t_s: Floats) -> Floats:
+        return 0.003 * GAIN * (np.floor(circling(t_s) / 0.003) + 0.5)
+
+    random, t_s, logged = np.random.default_rng(0), np.arange(0, 30, 0.02), np.arange(-2, 33, 0.02)
+    seen = stepping(t_s) / GAIN + random.normal(0, 1e-5, (len(t_s), 2))
+    known = np.full(seen.shape, 0.003 / 12**0.5)
+    truth = Trajectory(logged + OFFSET_S, inverse_transform(FRAME, circling(logged)))
+    fit = fit_gains(Sightings(t_s, seen, known, 0 * known), truth, 0.3 * PITCH, 1.0)
+    away = np.abs(fit.gain - 1.0)  # a step of one pitch a pitch is gain 1
+    assert away.max() > 0.05
+    assert (away < 2 * fit.std)[np.isfinite(fit.std)].all()

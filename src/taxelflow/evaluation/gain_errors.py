@@ -1,4 +1,4 @@
-"""What the residuals of a fit of gains have in common in consecutive scans."""
+"""What the residuals of a fit of gains have in common: in consecutive scans, and at one place between the taxels."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
 
 
 class _Alike(NamedTuple):
@@ -15,9 +15,20 @@ class _Alike(NamedTuple):
 
     lags: int = 6
     """Scans apart at most."""
+    cells: int = 4
+    """Per pitch: places at which errors of sampling are taken as one."""
 
 
 _ALIKE = _Alike()
+
+
+def by_place(left: Floats, place: Floats, clean: Bools) -> float:
+    """Standard deviation of what residuals have in common at one place. place: in pitches."""
+    _, bins = np.unique(np.floor(_ALIKE.cells * place[clean]), return_inverse=True)
+    count = np.bincount(bins)
+    mean = np.bincount(bins, left[clean]) / count
+    within = float(np.sum((left[clean] - mean[bins]) ** 2)) / max(1, len(bins) - len(count))
+    return float(np.sqrt(max(0.0, float(count @ mean**2) - len(count) * within) / len(bins)))
 
 
 def inflation(whitened: Floats) -> float:

@@ -7,7 +7,8 @@ side it would come out too small. Robust least squares (soft L1); standard error
 with
 
 - the scatter that noise does not explain (sampling by taxels), from the scans furthest from the edge's reach;
-- the correlation of consecutive residuals: one centroid is part of two indices, and sampling errors last.
+- the correlation of consecutive residuals: one centroid is part of two indices, and sampling errors last;
+- for the gains, what residuals have in common at one place: no further pass averages it out.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from taxelflow.errors import GainsUnknown
-from taxelflow.evaluation.gain_errors import inflation
+from taxelflow.evaluation.gain_errors import by_place, inflation
 from taxelflow.evaluation.robot_path import RobotPath, robot_path
 from taxelflow.numerics.geometry import rotation, transform
 
@@ -97,7 +98,7 @@ def fit_gains(seen: Sightings, truth: Trajectory, pitch_m: Floats, search_s: flo
             f"only {used.sum()} scans have a position within the trajectory's times",
             f"give at least {_SEARCH.fewest}, and check that both clocks agree within the search (now {search_s:g} s)",
         )
-    problem = _Problem(seen.chosen(used), path, search_s, path.doubt(seen.t_s[used] + offset))
+    problem = _Problem(seen.chosen(used), path, (pitch_m, search_s), path.doubt(seen.t_s[used] + offset))
     length, width = problem.spread(offset)
     _check_length(length, float(np.hypot(*problem.places_std())), float(pitch_m.max()))
     plane = width > _SEARCH.flat * length
@@ -145,8 +146,10 @@ def _words(fit: GainFit) -> str:
 class _Problem:
     """Least squares over (gain_x, gain_y, phi, s_x, s_y, offset), lengths in units of 1 cm to be of one size."""
 
-    def __init__(self, seen: Sightings, path: RobotPath, search_s: float, model_m: Floats) -> None:
-        self._seen, self._path, self._search_s, self._model_m = seen, path, search_s, model_m
+    def __init__(self, seen: Sightings, path: RobotPath, limits: tuple[Floats, float], model_m: Floats) -> None:
+        """limits: pitch, m, (2,) and search, s."""
+        self._seen, self._path, self._limits, self._model_m = seen, path, limits, model_m
+        self._pitch_m, self._search_s = limits
         self._deviation = np.sqrt(seen.noise_m**2 + seen.edge_m**2 + model_m**2)
 
     def _robot(self, offset: float) -> Floats:
@@ -197,8 +200,22 @@ class _Problem:
             max(0.0, float(np.mean(r[c] ** 2 - n[c] ** 2)))
             for r, c, n in zip(first.residual_m.T, clean.T, self._seen.noise_m.T, strict=True)
         ]
-        again = _Problem(self._seen, self._path, self._search_s, np.hypot(self._model_m, np.sqrt(beyond)))
-        return again._best(first.offset_s, tied)
+        again = _Problem(self._seen, self._path, self._limits, np.hypot(self._model_m, np.sqrt(beyond)))
+        fit = again._best(first.offset_s, tied)
+        return replace(fit, std=np.hypot(fit.std, self._sampling_std(fit, clean, tied)))
+
+    def _sampling_std(self, fit: GainFit, clean: Bools, tied: bool) -> Floats:
+        """(2,) of the gains, by errors that belong to a place between taxels: all passes have them alike, so that only
+        the taxels on the way average them out, not the scans.
+        """
+        std, spread = np.zeros(2), np.zeros(2)
+        for axis, (left, pitch_m) in enumerate(zip(fit.residual_m.T, self._pitch_m.tolist(), strict=True)):
+            place = self._seen.place_m[:, axis] - left
+            spread[axis] = max(float(place.std()), 1e-3 * pitch_m)
+            taxels = len(np.unique(np.floor(place / pitch_m)))
+            std[axis] = fit.gain[axis] * by_place(left, place / pitch_m, clean[:, axis]) / spread[axis] / taxels**0.5
+        known = spread**2 * np.mean(self._deviation**-2.0, axis=0)
+        return np.full(2, np.hypot(*(known * std)) / known.sum()) if tied else std
 
     def _best(self, offset: float, tied: bool) -> GainFit:
         """From several first angles, since the angle makes the problem many-valleyed."""
