@@ -106,6 +106,17 @@ def test_the_rotor_is_the_curl_of_the_affine_field_if_it_is_not_rigid() -> None:
     assert row["rotor_std"] == pytest.approx(np.sqrt(variance[1, 1] + variance[2, 2]), rel=1e-6)
 
 
+def test_the_deviation_of_the_rotor_is_that_of_draws_with_unequal_and_correlated_axes() -> None:
+    random, draws, spans = np.random.default_rng(2), 4000, np.full((1, 4), SPAN_S)
+    root = 1e-5 * np.array([[[3.0, 0.0], [2.0, 0.5]], [[0.3, 0.0], [0.0, 2.0]], [[1.0, 0.0], [-1.0, 0.2]], np.eye(2)])
+    moved = np.einsum("pij,npj->npi", root, random.normal(size=(draws, 4, 2)))
+    nothing, flags, rows = np.full((draws, 4, 2), np.nan), np.ones((draws, 4), np.bool_), unknown(Row, draws)
+    covariance = np.tile(root @ root.transpose(0, 2, 1), (draws, 1, 1, 1))
+    here = carried(PLACES + 0.5 * moved, moved, nothing, flags)
+    fuse_twists(here, covariance, np.tile(spans, (draws, 1)), True, records(Equations, 1), rows)
+    assert np.mean((rows["rotor"] / rows["rotor_std"]) ** 2) == pytest.approx(1.0, abs=0.07)
+
+
 def test_three_pads_are_enough_for_the_curl() -> None:
     field = np.array([[0.3, -0.4], [0.9, -0.2]])
     row = fused(SPAN_S * (PLACES[:3] @ field.T), places=PLACES[:3])

@@ -18,7 +18,7 @@ from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records, Vector
 from taxelflow.numerics.rounding import LEAST_VARIANCE_M2, SIGNIFICANT
 from taxelflow.numerics.small_linalg import eigenvalues2, inverse2, inverse3
-from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.runtime.compiling import inlined, kernel, routine
 
 _LEAST_DISTANCE_M = 1e-3
 """Distance of places below which they have no information on a rotation."""
@@ -78,6 +78,7 @@ def fuse_twists(here: Carried, moved_cov: Floats, span_s: Floats, turns: bool, s
             solve_twist(equations, row)
             if count > 2 and spans_a_plane(equations.affine):
                 solve_rotor(equations, row)
+                row.rotor_std = np.sqrt(rotor_variance(here, moved_cov[scan], span_s[scan], scan, equations.inverse))
             find_centre(row)
         elif count > 0:
             solve_mean(equations, row)
@@ -98,20 +99,25 @@ def add_pad(equations: Equations, place: Floats, moved: Floats, moved_cov: Float
 
     A rigid motion moves the middle of the way along the displacement, its end by a part of the turn aside.
     """
-    least = LEAST_VARIANCE_M2
+    least, square = LEAST_VARIANCE_M2, span_s * span_s
     xx, xy, yy = inverse2(moved_cov[0, 0] + least, moved_cov[0, 1], moved_cov[1, 1] + least)
-    square = span_s * span_s
     xx, xy, yy = xx * square, xy * square, yy * square
     x, y, vx, vy = place[0] - 0.5 * moved[0], place[1] - 0.5 * moved[1], moved[0] / span_s, moved[1] / span_s
     add_point(equations, (xx, xy, yy), x, y, vx, vy)
-    # Of the mean variance: a pad that knows one direction only is worth nothing here.
-    scalar = 2.0 * (xx * yy - xy * xy) / (xx + yy)
+    scalar = weight_in_curl(moved_cov, span_s)
     basis = (1.0, x, y)
     for i in range(3):
         equations.right_x[i] += scalar * basis[i] * vx
         equations.right_y[i] += scalar * basis[i] * vy
         for j in range(3):
             equations.affine[i, j] += scalar * basis[i] * basis[j]
+
+
+@inlined
+def weight_in_curl(moved_cov: Floats, span_s: float) -> float:
+    """1 over the mean variance of a velocity: a pad that knows one direction only is worth nothing in the curl."""
+    weight: float = 2.0 * span_s * span_s / (moved_cov[0, 0] + moved_cov[1, 1] + 2.0 * LEAST_VARIANCE_M2)
+    return weight
 
 
 @routine
@@ -197,7 +203,24 @@ def solve_rotor(equations: Equations, row: Row) -> None:
     inverse = equations.inverse
     inverse3(equations.affine, inverse)
     row.rotor = _product(inverse, 1, equations.right_y) - _product(inverse, 2, equations.right_x)
-    row.rotor_std = np.sqrt(inverse[1, 1] + inverse[2, 2])
+
+
+@routine
+def rotor_variance(here: Carried, moved_cov: Floats, span_s: Floats, scan: int, inverse: Floats) -> float:
+    """That of the rotor of equation (8) by the whole covariances (pads, 2, 2), of which the weights know the mean only.
+
+    inverse: of the affine equations.
+    """
+    variance, basis = 0.0, np.ones(3)
+    for pad in range(len(moved_cov)):
+        if here.known[scan, pad]:
+            for a in range(2):
+                basis[a + 1] = here.place[scan, pad, a] - 0.5 * here.moved[scan, pad, a]
+            weight, cov = weight_in_curl(moved_cov[pad], span_s[pad]) / span_s[pad], moved_cov[pad]
+            of_y, of_x = weight * _product(inverse, 1, basis), -weight * _product(inverse, 2, basis)
+            variance += of_x * of_x * cov[0, 0] + 2.0 * of_x * of_y * cov[0, 1] + of_y * of_y * cov[1, 1]
+            variance += (of_x * of_x + of_y * of_y) * LEAST_VARIANCE_M2
+    return variance
 
 
 @routine
