@@ -99,6 +99,9 @@ class Joints:
     def at(self, t_s: Floats, names: Sequence[str]) -> Floats:
         """(n, names) angles at times (n,), interpolated linearly; NaN before the first and after the last time, in
         gaps of more than `_JOINTS.gap_s`, beside unknown angles, and for names that are not known.
+
+        Between angles more than pi apart the shorter way is taken, as of a joint that turns on and on and whose
+        encoder starts again at -pi. No finger goes further from one time to the next.
         """
         found = np.full((len(t_s), len(names)), np.nan)
         if not len(self.t_s):
@@ -113,10 +116,20 @@ class Joints:
             if name in self.names:
                 own = self.angles[:, self.names.index(name)]
                 angles = np.interp(t_s, self.t_s[near], own[near])
+                if len(self.t_s) > 1:
+                    angles -= self._wrapped(t_s, own, after)
                 if np.isnan(own[near]).any():
                     self._hold_ends(t_s, own, angles)
                 found[:, column] = angles if len(self.t_s) == 1 else np.where(inside, angles, np.nan)
         return found
+
+    def _wrapped(self, t_s: Floats, own: Floats, after: NDArray[np.intp]) -> Floats:
+        """(n,): what whole turns between two angles add to the interpolation. own: (times,). after: (n,), the next."""
+        turns = np.round(np.nan_to_num(own[after] - own[after - 1]) / (2.0 * np.pi))
+        first, last = self.t_s[after - 1], self.t_s[after]
+        share = np.where((t_s > first) & (t_s < last), (t_s - first) / (last - first), 0.0)
+        added: Floats = 2.0 * np.pi * turns * share
+        return added
 
     @staticmethod
     def bridged_s() -> float:

@@ -27,6 +27,22 @@ def test_angles_are_interpolated_and_never_invented() -> None:
     np.testing.assert_allclose(found[4, :2], [2.0, 0.4])
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_joint_that_starts_again_at_minus_pi_goes_the_shorter_way(sign: float) -> None:
+    t_s, fine = np.arange(0, 9.0, 0.1), np.linspace(0.0, 8.9, 700)
+    turned = sign * (1.0 + 2.5 * t_s)
+    joints = Joints(("a", "b"), t_s, np.stack([np.angle(np.exp(1j * turned)), np.sin(t_s)], axis=1))
+    found = joints.at(fine, ["a", "b"])
+    np.testing.assert_allclose(np.exp(1j * found[:, 0]), np.exp(1j * sign * (1.0 + 2.5 * fine)), atol=1e-9)
+    np.testing.assert_array_equal(found[:, 1], np.interp(fine, t_s, np.sin(t_s)))
+    np.testing.assert_array_equal(joints.at(t_s, ["a"]), joints.angles[:, :1])
+    parts = [joints.at(part, ["a", "b"]) for part in np.array_split(fine, 7)]
+    np.testing.assert_array_equal(np.concatenate(parts), found)
+    np.testing.assert_allclose(
+        Joints(("a",), np.array([0.0, 0.1]), np.array([[3.13], [-3.13]])).at(np.array([0.05]), ["a"]), np.pi
+    )
+
+
 def test_constant_angles_hold_at_all_times() -> None:
     joints = asked_joints("f1=30deg f2=1.5", load_sensor("barretthand-162"))
     np.testing.assert_allclose(joints.at(np.array([-5.0, 1e9]), ["f2", "f1"]), [[1.5, np.pi / 6]] * 2)
