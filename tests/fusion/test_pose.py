@@ -130,6 +130,34 @@ def test_a_turn_that_was_never_seen_is_not_inherited() -> None:
     assert alone[2, 2] < rows["pose_covariance"][-1, 2, 2] < 4 * alone[2, 2]
 
 
+def lapse(turn: float, *, kept: bool) -> tuple[Records, Floats]:
+    """An object that turns while one pad of three touches, or while the others' places are unknown: rows and poses."""
+    turns = np.array([0.0, 0.1, 0.1, 0.1 + turn / 2, 0.1 + turn, 0.1 + turn, 0.1 + turn])
+    poses = np.stack([0 * turns, 0 * turns, turns], axis=1)
+    alone = np.zeros((7, 3), np.bool_)
+    alone[2:5, 1:] = True
+    rows, nothing, flags = unknown(Row, 7), np.full((7, 3, 2), np.nan), np.ones((7, 3), np.bool_)
+    here = Carried(seen(poses), nothing, nothing, nothing, flags, ~alone, flags if kept else ~alone)
+    covariance = np.tile(STD_M**2 * np.eye(2), (7, 3, 1, 1))
+    follow_pose(here, covariance, True, records(Anchor, 3), records(Body, 1), records(Equations, 1), rows)
+    return rows, poses
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_a_turn_that_goes_on_while_one_pad_touches_is_unknown_afterwards(turn: float) -> None:
+    rows, poses = lapse(turn, kept=False)
+    assert rows["pose"][1, 2] == pytest.approx(poses[1, 2], abs=1e-9)
+    assert np.isnan(rows["pose"][2:, 2]).all()
+    assert np.isfinite(rows["pose"][:, :2]).all()
+
+
+def test_contacts_that_stay_on_the_object_show_the_turn_that_went_on_unseen() -> None:
+    rows, poses = lapse(0.3, kept=True)
+    np.testing.assert_allclose(rows["pose"][5:], poses[5:], atol=1e-9)
+    assert np.isnan(rows["pose"][2:5, 2]).all()
+    assert rows["pose_covariance"][5, 2, 2] == pytest.approx(rows["pose_covariance"][1, 2, 2], rel=0.01)
+
+
 def test_everything_is_forgotten_while_nothing_touches() -> None:
     poses = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.1], [0.0, 0.0, 0.0], [0.02, 0.0, 0.2], [0.03, 0.01, 0.3]])
     touching = np.ones((5, 3), np.bool_)

@@ -67,23 +67,24 @@ def add_square(weighted: Floats, axes: int, covariance: Floats) -> None:
 
 
 @routine
-def factor_pose(turns: bool, body: Body, root: Floats) -> None:
+def factor_pose(body: Body, root: Floats) -> None:
     """Fill root (3, 3), a factor of the covariance of the object's pose, along its axes; 0 while it is 0 by definition.
 
-    turns: whether the fit has a turn. One that has had none since the first touch counts from now on.
+    A turn that has not been known since the first touch counts from now on, and is left out.
     """
     P, cos, sin = body.covariance, np.cos(body.pose[2]), np.sin(body.pose[2])
     own = np.zeros((3, 3))
     root[:] = 0.0
     if not P[0, 0] > 0.0:
         return
-    x = rotate_back(cos, sin, P[0, 0], P[1, 0])
-    y = rotate_back(cos, sin, P[0, 1], P[1, 1])
+    seen = np.isfinite(P[2, 2])
+    apart = 1.0 / P[2, 2] if seen and not body.turning and P[2, 2] > 0.0 else 0.0
+    x = rotate_back(cos, sin, P[0, 0] + apart * P[0, 2] * P[0, 2], P[1, 0] + apart * P[1, 2] * P[0, 2])
+    y = rotate_back(cos, sin, P[0, 1] + apart * P[0, 2] * P[1, 2], P[1, 1] + apart * P[1, 2] * P[1, 2])
     own[0, 0], own[1, 0] = rotate_back(cos, sin, x[0], y[0])
     own[0, 1], own[1, 1] = rotate_back(cos, sin, x[1], y[1])
-    if np.isfinite(P[2, 2]):
+    if seen:
         own[2, 2] = P[2, 2]
-    if turns:
         own[0, 2], own[1, 2] = rotate_back(cos, sin, P[0, 2], P[1, 2])
         own[2, 0], own[2, 1] = own[0, 2], own[1, 2]
     for a in range(3):

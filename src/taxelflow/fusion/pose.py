@@ -23,6 +23,7 @@ from taxelflow.numerics.records import Records
 from taxelflow.numerics.rounding import LINEAR_RAD, NEGLIGIBLE
 from taxelflow.numerics.se2 import rotate, rotate_back
 from taxelflow.numerics.se3 import copy_matrix, count_true
+from taxelflow.numerics.small_linalg import inverse2
 from taxelflow.runtime.compiling import kernel, routine
 
 
@@ -41,8 +42,9 @@ def follow_pose(
     place_cov: (scans, pads, 2, 2). turns: whether places are known at all. anchors: (pads,) of `Anchor` and bodies:
     (1,) of `Body` are kept from scan to scan. scratch: (1,) of `Equations`.
     A contact is anchored on the object where it first lies there, and stays so while it is kept; it is anchored again
-    after a gap without a measured motion. It inherits the error of the pose by then. While nothing touches, all anchors
-    are cleared.
+    after a gap without a measured motion. It inherits the error of the pose by then. A turn that no contact has shown
+    yet, as with one finger, counts from the time when contacts show it. One that was known, and is not for a time, is
+    unknown to contacts that are anchored from then on. While nothing touches, all anchors are cleared.
     Where the contacts contradict each other more than their covariances allow, the pose's covariance is multiplied by
     their reduced chi-square (Birge 1932).
     """
@@ -55,13 +57,14 @@ def follow_pose(
             continue
         for pad in range(place.shape[1]):
             anchors[pad].anchored = anchors[pad].anchored and kept[scan, pad]
-        observable = turns
+        observable, count = turns, 0
         for iteration in range(ROBUST.iterations):
             robust = iteration >= ROBUST.plain
             clear(equations)
-            if not add_contacts(
+            count = add_contacts(
                 (place[scan], place_cov[scan], own_turn[scan], placed[scan]), robust, anchors, body, equations
-            ):
+            )
+            if not count:
                 observable = False
                 break
             observable = turns and turn_is_certain(equations.normal, body)
@@ -70,7 +73,11 @@ def follow_pose(
         seen = place[scan], place_cov[scan], own_turn[scan], placed[scan]
         inherit(seen, 3 if observable else 2, anchors, body, equations.inherited)
         judge_misfit(place[scan], place_cov[scan], own_turn[scan], placed[scan], observable, anchors, body)
-        factor_pose(observable, body, equations.inherited)
+        if count:
+            body.turning = observable
+            if not observable:
+                lose_turn(equations.normal, body)
+        factor_pose(body, equations.inherited)
         for pad in range(place.shape[1]):
             anchor: Anchor = anchors[pad]
             if placed[scan, pad] and not anchor.anchored:
@@ -79,13 +86,15 @@ def follow_pose(
             anchor.anchored = anchor.anchored or placed[scan, pad]
         row: Row = rows[scan]
         at_start = body.pose[2] == 0.0 and body.covariance[2, 2] == 0.0
-        write_pose(body, observable or at_start, row.pose, row.pose_covariance)
+        certain = observable and usual_misfit(body) * body.covariance[2, 2] < LINEAR_RAD**2
+        write_pose(body, certain or at_start, row.pose, row.pose_covariance)
 
 
 @routine
 def forget(anchors: Records, body: Body) -> None:
     """The next contact begins at pose 0."""
     body.misfit = body.freedom = 0.0
+    body.turning = False
     for pad in range(len(anchors)):
         anchors[pad].anchored = False
     for a in range(3):
@@ -133,6 +142,20 @@ def step_pose(with_turn: bool, body: Body, equations: Equations) -> float:
     for a in range(3):
         body.pose[a] += step[a]
     return float(max(abs(step[0]), abs(step[1]), abs(step[2])))
+
+
+@routine
+def lose_turn(normal: Floats, body: Body) -> None:
+    """Note that the object may have turned about its contacts, unseen, and where it then is.
+
+    A turn that has not been known since the first touch has nothing to lose.
+    """
+    P = body.covariance
+    if P[2, 2] > 0.0 and np.isfinite(P[2, 2]):
+        P[2, 2] = max(P[2, 2], ROBUST.unseen)
+        xx, xy, yy = inverse2(normal[0, 0], normal[0, 1], normal[1, 1])
+        P[0, 2] = P[2, 0] = -P[2, 2] * (xx * normal[0, 2] + xy * normal[1, 2])
+        P[1, 2] = P[2, 1] = -P[2, 2] * (xy * normal[0, 2] + yy * normal[1, 2])
 
 
 @routine
