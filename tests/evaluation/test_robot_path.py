@@ -34,7 +34,7 @@ def test_the_slope_is_that_of_the_motion_not_of_the_noise(jitter_s: float) -> No
     noisy = circle(t_s) + random.normal(0, 3e-4, (len(t_s), 2))
     path, fine = robot_path(Trajectory(t_s, noisy), SCAN_S), np.arange(1, 19, 0.001)
     assert np.std(path.at(fine) - circle(fine)) < 6e-5
-    assert np.std(slope(path.at, fine) - slope(circle, fine)) < 0.1 * 0.0078  # of the speed
+    assert np.std(slope(path.at, fine) - slope(circle, fine)) < 0.15 * 0.0078  # of the speed; lines: 10 times it
 
 
 def test_samples_that_are_far_apart_leave_a_doubt_that_holds_the_error() -> None:

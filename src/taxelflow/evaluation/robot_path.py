@@ -5,8 +5,8 @@ the log's noise: 0.3 mm at 200 Hz makes it ten times that of a slow motion, and 
 Between the samples of a slow log they cut the corners, and gains come out too small. So positions are smoothed and
 joined by cubics.
 
-Smoothing is the natural cubic spline of Reinsch (1967), the least of sum |y - f|^2 + penalty integral |f''|^2, with the
-penalty by generalized cross-validation. A log without noise stays as it is.
+Smoothing is by the natural cubic spline of the least sum |y - f|^2 + penalty integral |f''|^2, with the penalty by
+generalized cross-validation (Craven and Wahba 1979). A log without noise stays as it is.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.interpolate import Akima1DInterpolator, CubicSpline, PPoly
-from scipy.linalg import solveh_banded
+from scipy.interpolate import Akima1DInterpolator, CubicSpline, PPoly, make_smoothing_spline
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,20 +25,17 @@ if TYPE_CHECKING:
 
 
 class _Smoothing(NamedTuple):
-    """Widths that are tried, in median intervals of the log."""
+    """When a log is smoothed."""
 
     fewest: int = 12
     """Samples below which there is no smoothing."""
-    widths: tuple[float, ...] = tuple(np.geomspace(0.25, 512.0, 23).tolist())
-    gain: float = 0.99
-    """A width is taken only if it lowers the squared error of prediction to this share."""
     most: float = 0.04
     """What smoothing takes away is at most this share of the path's variance: else it is the motion."""
     gap: float = 4.0
     """Median intervals from which a wait for the next sample is a gap."""
     closest: float = 0.1
     """Samples closer than this share of the median interval are averaged: between them noise is all slope."""
-    per_scan: float = 8.0
+    per_scan: float = 4.0
     """And those closer than the scans' interval over this: a log of 1 kHz holds more than scans can use."""
 
 
@@ -70,7 +66,7 @@ class RobotPath:
 def robot_path(truth: Trajectory, interval_s: float) -> RobotPath:
     """The smoothed path of a log, for scans at this interval."""
     t, place = _thinned(truth.t_s, truth.place_m, interval_s)
-    smooth = _smoothed(t, place, _width_s(t, place))
+    smooth = _smoothed(t, place)
     return RobotPath(truth.t_s[[0, -1]], t, smooth, _cubics(t, smooth))
 
 
@@ -86,41 +82,15 @@ def _thinned(t_s: Floats, place_m: Floats, interval_s: float) -> tuple[Floats, F
     return t, place
 
 
-def _width_s(t: Floats, place: Floats) -> float:
-    """The width of smoothing by generalized cross-validation (Craven and Wahba 1979), of evenly spaced samples."""
+def _smoothed(t: Floats, place: Floats) -> Floats:
+    """(samples, 2), values of the smoothing spline at its samples."""
     if len(t) < _SMOOTHING.fewest:
-        return 0.0
-    unit = float(np.median(np.diff(t)))
-    angle = (np.arange(256) + 0.5) * np.pi / 256
-    stiff = 48.0 * np.sin(angle / 2) ** 4 / (2.0 + np.cos(angle))
-    spread = _SMOOTHING.most * float(np.mean(np.var(place, axis=0)))
-    least, best = np.inf, 0.0
-    for width in _SMOOTHING.widths:
-        left = float(np.mean((place - _smoothed(t, place, width * unit)) ** 2))
-        if left > spread:
-            break
-        score = left / np.mean(1.0 - 1.0 / (1.0 + width**4 * stiff)) ** 2
-        if score < _SMOOTHING.gain * least:
-            least, best = float(score), width
-    return best * unit if best > _SMOOTHING.widths[0] else 0.0
-
-
-def _smoothed(t: Floats, place: Floats, width_s: float) -> Floats:
-    """(samples, 2), values of the smoothing spline at its samples; its kernel is about this wide on each side."""
-    if width_s <= 0:
         return place
-    unit = float(np.median(np.diff(t)))
-    penalty, h = (width_s / unit) ** 4, np.diff(t) / unit
-    before, after = 1.0 / h[:-1], 1.0 / h[1:]  # the columns of Q, whose product with the positions is their bend
-    middle = -before - after
-    bands = np.zeros((3, len(t) - 2))
-    bands[2] = (h[:-1] + h[1:]) / 3 + penalty * (before**2 + middle**2 + after**2)
-    bands[1, 1:] = h[1:-1] / 6 + penalty * (middle[:-1] * before[1:] + after[:-1] * middle[1:])
-    bands[0, 2:] = penalty * after[:-2] * before[2:]
-    slope = np.diff(place, axis=0) / h[:, np.newaxis]
-    bend = solveh_banded(bands, np.diff(slope, axis=0))
-    jump = np.diff(np.pad(bend, ((1, 1), (0, 0))), axis=0) / h[:, np.newaxis]
-    smooth: Floats = place - penalty * np.diff(np.pad(jump, ((1, 1), (0, 0))), axis=0)
+    when, smooth = t / float(np.median(np.diff(t))), place.copy()
+    for axis, own in enumerate(place.T):
+        values = make_smoothing_spline(when, own)(when)
+        if np.mean((values - own) ** 2) <= _SMOOTHING.most * np.var(own):
+            smooth[:, axis] = values
     return smooth
 
 
