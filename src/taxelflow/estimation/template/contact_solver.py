@@ -11,9 +11,11 @@ from taxelflow.estimation.template.dead_taxels import denied, explained, silent_
 from taxelflow.estimation.template.hidden_motion import hidden_direction
 from taxelflow.estimation.template.hypotheses import solve
 from taxelflow.estimation.template.likelihood import as_alive, as_dead, cost
+from taxelflow.estimation.template.mirrored import outdoes_its_mirror
 from taxelflow.estimation.template.observations import COARSE
 from taxelflow.estimation.template.rivals import agreement
 from taxelflow.estimation.template.taxel_gains import with_gains
+from taxelflow.estimation.template.turning import keeps_its_angle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -54,8 +56,17 @@ def solve_contact(
         still = agreement(gained, solved, most=_MOVED)
         gained.agrees = gained.agrees & still if len(gained.agrees) else still
     gained.dead = np.array(dead, np.int64)
+    gained.shown = gained.shown and (not gained.turns or _shows_turn(gained, scanned))
     gained.hidden = hidden_direction(scanned, gained) if hidden is None else hidden
     return gained
+
+
+def _shows_turn(solved: Solved, scanned: Scanned) -> bool:
+    """Whether the scans show which way the object turns, if it does, and if the sensor has an `unseen_error`.
+
+    Without one, the likelihood has decided.
+    """
+    return not scanned.unseen_error or keeps_its_angle(solved, scanned) or outdoes_its_mirror(solved, scanned)
 
 
 def _without(
