@@ -129,6 +129,15 @@ def test_a_slip_that_begins_where_another_ends_needs_the_consent_of_its_own_patt
     assert [event.onset_s for event in events[1:3]] == [0.035, 0.035]
 
 
+def test_a_slip_that_its_pattern_dates_late_does_not_end_before_it_begins() -> None:
+    _, events = of_palm([OK] * SCANS, [9.0] * SCANS, dated_s=0.03)
+    assert [(event.event, event.onset_s) for event in events] == [
+        ("slip_suspected", 0.02),
+        ("slip_start", 0.03),
+        ("slip_stop", 0.03),
+    ]
+
+
 def of_palm(
     quality: list[int],
     log_odds: list[float],
@@ -140,18 +149,21 @@ def of_palm(
     restless: bool = False,
     scan_s: float = 0.01,
     again: int | None = None,
+    dated_s: float | None = None,
 ) -> tuple[np.ndarray, list[Event]]:
     """Verdict on the palm, whose pose slips in scans 2 to 4: (scans,), and events. quality, log_odds: per scan.
 
     ago_s: time from the onset to the scan in which the pose's detector finds the slip. step_m: displacement of a scan.
-    again: scan in which one slip of the pose ends and another begins.
+    again: scan in which one slip of the pose ends and another begins. dated_s: when the pattern consents, in scan 3,
+    after the onset of the last stop.
     """
     layout = HAND.layout
     pads = len(layout.pads)
     slipping = np.zeros((SCANS, pads), dtype=bool)
     slipping[2:5, 0] = True
     start_s, stop_s = 2 * scan_s, 5 * scan_s
-    events = [Event(start_s, "palm", "slip_start", start_s - ago_s), Event(stop_s, "palm", "slip_stop", stop_s)]
+    ended_s = stop_s if dated_s is None else dated_s - 0.5 * scan_s
+    events = [Event(start_s, "palm", "slip_start", start_s - ago_s), Event(stop_s, "palm", "slip_stop", ended_s)]
     if again is not None:
         t_s, onset_s = again * scan_s, (again - 0.5) * scan_s
         events[1:1] = [Event(t_s, "palm", kind, onset_s) for kind in ("slip_stop", "slip_start")]
@@ -160,9 +172,11 @@ def of_palm(
     slips.displacement[:, 0, 0] = step_m
     each = np.tile(np.array(log_odds)[:, np.newaxis], (1, pads))
     odds = Odds(each, each, np.full((SCANS, pads), restless))
-    final, found = Verdict(layout, stream=stream).step(
-        slips, Posed(slipping, events, np.zeros_like(slipping), np.full(slipping.shape, -np.inf)), odds, odds.log_odds
-    )
+    consents_s = np.full(slipping.shape, -np.inf)
+    if dated_s is not None:
+        consents_s[:3, 0], consents_s[3:, 0] = np.inf, dated_s
+    posed = Posed(slipping, events, np.zeros_like(slipping), consents_s)
+    final, found = Verdict(layout, stream=stream).step(slips, posed, odds, odds.log_odds)
     return final[:, 0], found
 
 

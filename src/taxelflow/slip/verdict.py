@@ -78,6 +78,8 @@ class Verdict:
         self._suspected: dict[int, Event] = {}
         """Begins of slips by the pose that go on and are only suspected, by pad."""
         self._suspicion = Suspicion(layout.pitch_m)
+        self._begun_s = np.full(count, -np.inf)
+        """Onset of the last slip of each pad."""
 
     def step(self, slips: Slips, posed: Posed, odds: Odds, decisive: Floats) -> tuple[Bools, list[Event]]:
         """Slipping (scans, pads), and the events of these scans in time order.
@@ -117,7 +119,7 @@ class Verdict:
                 own_events = [self._again(pad, float(slips.t_s[scan]), again[scan, pad])]
             quality, evidence = QUALITY[slips.quality[scan, pad]], float(odds.log_odds[scan, pad])
             evidence = nan if np.isnan(evidence) else evidence  # one and the same NaN, as of other fields
-            found += [_witnessed(event, quality, evidence) for event in own_events]
+            found += [_witnessed(self._in_order(pad, event), quality, evidence) for event in own_events]
         return final, found
 
     def _sure(self, slips: Slips) -> Bools:
@@ -175,6 +177,13 @@ class Verdict:
         self._keep_suspected(posed, pad, slips_on=slips_on)
         touch, release = ([event for event in posed if event.event == kind] for kind in ("contact", "release"))
         return [*touch, *slip, *release]
+
+    def _in_order(self, pad: int, event: Event) -> Event:
+        """No slip ends before its onset, which may be that of its pattern's consent."""
+        if event.event == "slip_start":
+            self._begun_s[pad] = event.onset_s
+        early = event.event == "slip_stop" and event.onset_s < self._begun_s[pad]
+        return replace(event, onset_s=float(self._begun_s[pad])) if early else event
 
     def _again(self, pad: int, t_s: float, since_s: float) -> Event:
         """A suspected slip that goes on: that of its pose, or, since a time, what is left of a slip that has ended."""
