@@ -10,6 +10,7 @@ import pytest
 from elastic_skin import PLACES, pressed
 from taxelflow.numerics.rest_or_slide import compare, overlap
 from taxelflow.numerics.slid import Skin
+from taxelflow.numerics.sunk_and_tilted import squares_at_rest
 
 if TYPE_CHECKING:
     from taxelflow.messages import Floats
@@ -68,8 +69,8 @@ def test_scale_changes_nothing() -> None:
     after, scale = pressed(x=0.5), 2.0**13  # which rounds nothing
     one = compare(SKIN, pressed(), after, NOISE, np.zeros(3))
     more = compare(SKIN, scale * pressed(), scale * after, scale * NOISE, np.zeros(3))
-    assert np.allclose(more[:3], scale**2 * np.array(one[:3]), rtol=1e-9)
-    assert np.allclose(more[3:], one[3:], atol=1e-9)
+    squares = np.isin(one._fields, ["slide", "rest", "rest_of_all", "gain_errors", "pressed"])
+    assert np.allclose(more, np.where(squares, scale**2, 1.0) * np.array(one), rtol=1e-9, atol=1e-9)
 
 
 def test_taxels_on_a_line_know_a_slide_along_it() -> None:
@@ -114,3 +115,42 @@ def test_errors_of_the_gains_show_no_slide(change: dict[str, float]) -> None:
     after = pressed(**change)  # type: ignore[arg-type]
     exact, scattered = (compare(SKIN, pressed(), after, NOISE, np.zeros(3), gain_error=error) for error in (0.0, 0.05))
     assert min(exact.log_ratio(), 0.0) - 1e-9 <= scattered.log_ratio() <= exact.log_ratio() + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_noise_is_no_slide(seed: int) -> None:
+    random, noise = np.random.default_rng(seed), 0.05
+    before, after = (pressed() + random.normal(0.0, noise / np.sqrt(2.0), len(PLACES)) for _ in range(2))
+    found = compare(SKIN, before, after, noise, np.zeros(3))
+    assert not found.slides()
+    assert not found.shifts(noise)
+
+
+def test_a_change_of_the_load_is_no_shift_of_the_pattern() -> None:
+    assert not compare(SKIN, pressed(), 0.6 * pressed(), NOISE, np.zeros(3)).shifts(NOISE)
+    assert compare(SKIN, pressed(), 0.6 * pressed(x=0.7), NOISE, np.zeros(3)).shifts(NOISE)
+
+
+def test_a_slide_of_few_taxels_is_not_shown_by_them() -> None:
+    two = np.zeros(len(PLACES))
+    two[[44, 45]] = 1.0, 0.5
+    other = np.zeros(len(PLACES))
+    other[[44, 45]] = 0.3, 1.2
+    found = compare(SKIN, two, other, NOISE, np.zeros(3))
+    assert found.free_slide < 1.0
+    assert not found.slides()
+
+
+def test_taxels_that_a_plane_lifts_and_presses_in_turn_do_not_hide_the_best_fit() -> None:
+    """An object that lifts off real taxels: the rounds that look for those in contact come to no end."""
+    places = (
+        np.array(
+            [[-3, 1], [-1, 1], [1, 1], [3, 1], [-1, -1], [1, -1], [3, -1], [5, -1], [-1, -3], [1, -3], [3, -3], [5, -3]]
+        ).T
+        / 2.0
+    )
+    before = np.array([97.8, 318.4, 249.0, 183.1, 1485.0, 2148.3, 596.1, 106.3, 2533.1, 1202.9, 227.9, 346.0])
+    after = np.array([11.8, 0.0, -0.2, 0.0, 865.0, 1070.0, -0.6, 0.0, 1640.8, 396.0, 0.0, 57.0])
+    rest, _ = squares_at_rest(places, before, after, np.arange(12), 76.0)
+    gain = before @ after / (before @ before)
+    assert rest < np.sum((after - gain * before) ** 2)

@@ -35,7 +35,8 @@ class Unexplained(NamedTuple):
     """Squares that are left of a pattern: if its object slides; if it rests, on the taxels that were over the pad
     before, and on all of them. x, y: where the slide goes, in pitches. free_slide, free_rest: degrees of freedom of the
     slide, and of rest on all taxels, which fits those in contact. known: share of the taxels that were over the pad.
-    gain_errors: squares that errors of the gains leave of a slide.
+    gain_errors: squares that errors of the gains leave of a slide. pressed, free_pressed: squares that the pattern
+    before leaves with one gain, and their degrees of freedom.
     """
 
     slide: float
@@ -47,6 +48,20 @@ class Unexplained(NamedTuple):
     free_rest: float = 1.0
     known: float = 1.0
     gain_errors: float = 0.0
+    pressed: float = 0.0
+    free_pressed: float = 1.0
+
+    def slides(self) -> bool:
+        """Whether a slide leaves clearly less than rest where its object was; never where it fits all readings."""
+        return self.free_slide >= 1.0 and self.rest > CLEARLY**2 * self.slide
+
+    def shifts(self, noise: float) -> bool:
+        """Whether a slide leaves clearly less than the pattern before, pressed harder or less hard at its place.
+
+        noise: as for `compare`.
+        """
+        slide = CLEARLY**2 * self.slide * self.free_pressed / self.free_slide
+        return self.pressed > slide + (SIGNIFICANT * noise) ** 2
 
     def moves(self, way: Floats) -> bool:
         """Whether a slide leaves no more than rest a degree of freedom, and goes at least half of a way (2,), pitches.
@@ -101,13 +116,13 @@ def compare(
 @kernel
 def _compare(
     skin: Skin, before: Floats, after: Floats, noise: float, moved: Floats, sinks: bool, gain_error: float
-) -> tuple[float, float, float, float, float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, float, float, float, float, float, float]:
     """The fields of `Unexplained`. Arguments as for `compare`."""
     largest = max(_largest(before), _largest(after))
     least = max(LOADED.skirt * largest, SIGNIFICANT * noise)
     chosen = _deciding(before, after, least)
     if len(chosen) == 0:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0
     pair = Pair(np.empty(len(skin.fit)), np.zeros(2), after, chosen, least, sinks)
     fit_surface(skin, before, pair.surface)
     find_centre(skin.places, before, pair.centre)
@@ -127,7 +142,22 @@ def _compare(
         power += before[i] ** 2 + after[i] ** 2
     share = known / len(chosen)
     errors = gain_error**2 * power * share
-    return best, rest, rest_of_all, x, y, freedom(known, UNKNOWNS + sinks), free, share, errors
+    pressed = _pressed(before, after, chosen)
+    free_pressed = freedom(len(chosen), 1)
+    return best, rest, rest_of_all, x, y, freedom(known, UNKNOWNS + sinks), free, share, errors, pressed, free_pressed
+
+
+@lean_kernel
+def _pressed(before: Floats, after: Floats, chosen: NDArray[np.int64]) -> float:
+    """Squares that one gain leaves of a pattern (taxels,)."""
+    own = both = 0.0
+    for i in chosen:
+        own += before[i] * before[i]
+        both += before[i] * after[i]
+    gain, left = max(both, 0.0) / max(own, 1e-300), 0.0
+    for i in chosen:
+        left += (after[i] - gain * before[i]) ** 2
+    return left
 
 
 @lean_kernel

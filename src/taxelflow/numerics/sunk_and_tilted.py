@@ -30,30 +30,41 @@ def squares_at_rest(
     touches, model, reading = was.copy(), np.zeros(len(chosen)), after[chosen]
     normal, best = np.empty((MODES, MODES)), np.empty(MODES)
     pressed = np.count_nonzero(was)
+    least_left, fitted = _left(reading, model, was, least, pressed), np.count_nonzero(was)
     for _ in range(ROUNDS if pressed > 0 else 0):
         if not _fit_modes(modes, reading, touches, normal, best):
             break
-        changed = False
         for k in range(len(chosen)):
             model[k] = 0.0
             for a in range(MODES):
                 model[k] += modes[k, a] * best[a]
+        left = _left(reading, model, was, least, pressed)
+        if left < least_left:  # contacts may come and go in turn
+            least_left, fitted = left, np.count_nonzero(touches)
+        changed = False
+        for k in range(len(chosen)):
             loaded = reading[k] > least
             now = (model[k] > 0.0 or loaded) if was[k] else (reading[k] > model[k] and loaded)
             changed |= now != touches[k]
             touches[k] = now
         if not changed:
             break
-    left = 0.0
-    for k in range(len(chosen)):
-        error = reading[k] - max(model[k], 0.0)
-        if was[k] or pressed == 0 or (reading[k] > least and error > 0.0):
-            left += error * error
-    return left, freedom(np.count_nonzero(touches), MODES)
+    return least_left, freedom(fitted, MODES)
 
 
 @lean_kernel
-def freedom(readings: np.integer, unknowns: int) -> float:
+def _left(reading: Floats, model: Floats, was: Bools, least: float, pressed: np.integer) -> float:
+    """Squares that a model (chosen,) leaves of readings. was: (chosen,), loaded before, pressed of them."""
+    left = 0.0
+    for k in range(len(reading)):
+        error = reading[k] - max(model[k], 0.0)
+        if was[k] or pressed == 0 or (reading[k] > least and error > 0.0):
+            left += error * error
+    return left
+
+
+@lean_kernel
+def freedom(readings: np.integer | int, unknowns: int) -> float:
     """Degrees of freedom of a fit; half of one where it has none, and decides nothing."""
     return float(max(readings - unknowns, 0.5))
 

@@ -5,8 +5,9 @@ by more than a covariance by noise and faults of the taxels holds. So on a senso
 to consent to a slip by the pose. The pattern from before it began is compared with the present one:
 
 - it consents if a slide explains the change clearly better than rest does (`rest_or_slide`);
-- if the contact was still before, it consents unless rest explains the change clearly better, and at once if the pose
-  moves by more than a pitch in the time of a bin: a load that was still does not shift so fast;
+- if the contact was still before, its load steady, and a slide explains more than a change of the load does, it
+  consents unless rest explains the change clearly better, and by a single scan if the pose moves by more than a pitch
+  in the time of a bin: a load that was still does not shift so fast;
 - an object that covers the pad shows no end of its contact, where alone a rest leaves more than usual: there the odds
   of `evidence` decide;
 - it consents where less than half of the load is on taxels that were loaded before: the object has come that far, by
@@ -34,10 +35,9 @@ from taxelflow.messages import Floats
 from taxelflow.numerics.bins import BIN_S
 from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.rest_or_slide import compare, overlap
-from taxelflow.numerics.robust import CLEARLY
 from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.skins import PadNoise, prepare, skin_of
-from taxelflow.slip.evidence import CHANGE, log_likelihood_ratio
+from taxelflow.slip.claim import WINDOW_S, Claim, Pattern
 from taxelflow.slip.pattern_change import BINS
 from taxelflow.slip.restless import RESTLESS_SHARE
 
@@ -59,18 +59,6 @@ class _Still:
 
 
 _STILL = _Still()
-_WINDOW_S = 3 * BIN_S
-"""From the first scan of a bin to the end of those after it."""
-
-
-@dataclass(slots=True, eq=False)
-class _Pattern:
-    """Mean of some bins on a pad: time of the last scan, pressure (taxels,), scans, and path of the pose (2,), m."""
-
-    until_s: float
-    pressure: Floats
-    scans: int
-    path_m: Floats
 
 
 class Consent(NamedTuple):
@@ -80,25 +68,6 @@ class Consent(NamedTuple):
 
     since_s: Floats
     rests: Bools
-
-
-@dataclass(slots=True, eq=False)
-class _Claim:
-    """A slip by the pose. still: whether the contact was still before. before: the pattern that its interval begins
-    with; None if there was none. rested_s: end of the last bin that rest explained clearly better.
-    compared: whether bins were. scans_s: from and up to when single scans may be. shown: a slide explained the change
-    clearly better. since_s, rests: see `Consent`.
-    """
-
-    onset_s: float
-    still: bool
-    before: _Pattern | None = None
-    rested_s: float = -np.inf
-    compared: bool = False
-    scans_s: tuple[float, float] = (np.inf, -np.inf)
-    since_s: float = np.inf
-    shown: bool = False
-    rests: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,8 +86,8 @@ class ShiftingLoad:
         self._pitch_m, self._noise = np.sqrt(layout.pitch_m.prod(axis=1)), PadNoise(layout)
         self._doubts = layout.unseen_error > 0.0
         count = len(layout.pads)
-        self._claims: dict[int, _Claim] = {}
-        self._ended: dict[int, _Claim] = {}
+        self._claims: dict[int, Claim] = {}
+        self._ended: dict[int, Claim] = {}
         self._coming: list[Bin] = []  # of scans that `step` has not reached
         self._scans: deque[Scans] = deque()  # blocks whose last scan `step` has not reached
         self._scan = 0  # the next one of the first of these
@@ -176,11 +145,11 @@ class ShiftingLoad:
             claim = before if before is not None and resumed else self._claimed(pad, event)
             self._claims[pad] = claim
 
-    def _claimed(self, pad: int, event: Event) -> _Claim:
+    def _claimed(self, pad: int, event: Event) -> Claim:
         """A slip by the pose that begins; a method without displacement has no way to doubt."""
         if np.isnan(event.speed_m_s):
-            return _Claim(event.onset_s, still=True, since_s=-np.inf)
-        stirred = [flags[pad] for since_s, flags in self._stirred if since_s + _WINDOW_S <= event.onset_s + SAME_S]
+            return Claim(event.onset_s, still=True, since_s=-np.inf)
+        stirred = [flags[pad] for since_s, flags in self._stirred if since_s + WINDOW_S <= event.onset_s + SAME_S]
         steady = np.array([flag for flag in stirred if not np.isnan(flag)])
         still = len(steady) >= _STILL.bins and bool(steady.mean() <= RESTLESS_SHARE)
         earlier = [
@@ -191,15 +160,15 @@ class ShiftingLoad:
         before = self._pattern(pad, earlier[-BINS.before :]) if earlier else None
         fast = event.speed_m_s * BIN_S > self._pitch_m[pad]
         scans_s = event.t_s, event.t_s + BIN_S  # then bins have seen it
-        return _Claim(event.onset_s, still, before, scans_s=scans_s, since_s=-np.inf if still and fast else np.inf)
+        return Claim(event.onset_s, still, fast, before, scans_s=scans_s)
 
-    def _pattern(self, pad: int, seen: list[_Seen]) -> _Pattern:
+    def _pattern(self, pad: int, seen: list[_Seen]) -> Pattern:
         """Mean of some bins, at least one."""
         own, scans = self._layout.of_pad(pad), sum(one.bin.scans for one in seen)
         total, path_m = seen[0].bin.pressure[own], seen[0].path_m[pad]
         for one in seen[1:]:
             total, path_m = total + one.bin.pressure[own], path_m + one.path_m[pad]
-        return _Pattern(seen[-1].bin.until_s, total / scans, scans, path_m / len(seen))
+        return Pattern(seen[-1].bin.until_s, total / scans, scans, path_m / len(seen))
 
     def _judge(self, seen: _Seen) -> None:
         """One more bin: compare the patterns that have not shown their slip yet."""
@@ -224,10 +193,10 @@ class ShiftingLoad:
             if since_s - SAME_S <= t_s <= until_s + SAME_S:
                 claim.scans_s = t_s + BIN_S / 10, until_s  # large pads take milliseconds
                 own = scans.pressure[scan, self._layout.of_pad(pad)]
-                now = _Pattern(t_s, own, 1, self._path_m[pad])
+                now = Pattern(t_s, own, 1, self._path_m[pad])
                 self._compare(pad, claim, now, scans.noise, is_bin=False)
 
-    def _compare(self, pad: int, claim: _Claim, now: _Pattern, noise: Floats, *, is_bin: bool) -> None:
+    def _compare(self, pad: int, claim: Claim, now: Pattern, noise: Floats, *, is_bin: bool) -> None:
         """Does a slide explain the change of a pattern clearly better than rest, or rest than a slide?
 
         noise: (entries,), standard deviation of a reading. is_bin: a mean, by which the object may rest, too.
@@ -238,33 +207,14 @@ class ShiftingLoad:
         if before is None:
             claim.before = now if is_bin else None
             return
-        common, left = overlap(skin, before.pressure, now.pressure), None
-        if not (common.comparable or is_bin):  # noise of a single scan on a large pad may be half of its load
-            return
+        common = overlap(skin, before.pressure, now.pressure)
         if common.comparable:
             scatter = float(self._noise.median(noise)[pad] * np.sqrt(1.0 / before.scans + 1.0 / now.scans))
             way = np.array([*(now.path_m - before.path_m) / self._pitch_m[pad], 0.0])
             left = compare(skin, before.pressure, now.pressure, scatter, way, gain_error=self._layout.unseen_error)
-        if left is None or left.rest > CLEARLY**2 * left.slide:
-            claim.shown, claim.since_s, claim.rests = True, min(claim.since_s, claim.rested_s), False
-        elif is_bin:
-            odd = common.covers and _is_odd(before, now, left.rest, scatter)
-            first, claim.compared, claim.rests = claim.still and not claim.compared, True, left.rests()
-            if claim.since_s == np.inf and (odd or (first and not claim.rests)):
-                claim.since_s = claim.rested_s
-            if claim.rests:
-                claim.before, claim.rested_s = now, now.until_s
-
-
-def _is_odd(before: _Pattern, now: _Pattern, rest: float, noise: float) -> bool:
-    """Whether the squares that rest leaves of a pattern are rather those of a slip. noise: of one, standard
-    deviation.
-    """
-    power = float(now.pressure @ now.pressure)
-    usual = CHANGE.at_rest * ((now.until_s - before.until_s) / _WINDOW_S) ** CHANGE.exponent
-    rise = np.log(now.pressure.sum() / before.pressure.sum())
-    share, noise_power = np.array([rest, len(now.pressure) * noise**2]) / power
-    return bool(log_likelihood_ratio(share, noise_power, rise, np.array(CHANGE.growth), usual) > 0.0)
+            claim.judge(now, left, scatter, covers=common.covers, is_bin=is_bin)
+        elif is_bin:  # noise of a single scan on a large pad may be half of its load
+            claim.show()
 
 
 @kernel
