@@ -107,6 +107,15 @@ def touches(count: int) -> Track:
     return track(x, 0.0 * x, pad="pad0", contact=contact, slipping=slipping)
 
 
+def test_poses_that_are_not_ok_are_faint() -> None:
+    figure = path_figure([track(X, X / 2, pad="pad1", ok=np.arange(30) < 20)], LAYOUT)
+    alpha = np.asarray(dots(figure.axes[0]).get_alpha())
+    assert (alpha[:20] == 1.0).all()
+    assert (alpha[20:] < 0.5).all()
+    assert "faint: quality not ok" in figure.get_supxlabel()
+    assert "faint" not in path_figure([track(X, X / 2, pad="pad1")], LAYOUT).get_supxlabel()
+
+
 @pytest.mark.long
 def test_many_contacts_have_a_panel_each_with_start_and_path_while_slipping() -> None:
     axes = path_figure([touches(50)], LAYOUT).axes

@@ -10,6 +10,7 @@ import numpy as np
 from taxelflow.numerics.spans import spans
 from taxelflow.publish.plots.marks import draw_taxels, show_box
 from taxelflow.publish.plots.outlines import extent_mm, outlines
+from taxelflow.publish.plots.sizes import POSITION
 from taxelflow.publish.plots.style import BLUE, FAINT, GREY, INK, VERMILION, caption
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from taxelflow.messages import Floats
+    from taxelflow.messages import Bools, Floats
     from taxelflow.publish.plots.marks import Box
     from taxelflow.publish.results import Track
     from taxelflow.sensors.layout import Layout
@@ -36,13 +37,13 @@ def path_figure(tracks: Sequence[Track], layout: Layout, most_overlaid: int = 6)
 
 
 class _Contact:
-    """One contact of a track. at_mm: (n, 2). slipping: (n,). path_mm: length of its path while slipping."""
+    """One contact of a track. at_mm: (n, 2). slipping, ok: (n,). path_mm: length of its path while slipping."""
 
     def __init__(self, track: Track, first: int, stop: int) -> None:
         self.track = track
         self.t_s = track.numbers["t_s"][first:stop]
         self.at_mm = 1e3 * track.position_m[first:stop]
-        self.slipping = track.flags["slipping"][first:stop]
+        self.slipping, self.ok = track.flags["slipping"][first:stop], track.flags["ok"][first:stop]
         steps = np.hypot(*np.diff(self.at_mm, axis=0).T)
         self.path_mm = float(np.nansum(steps[self.slipping[1:]]))
 
@@ -51,6 +52,7 @@ def _panels(contacts: Sequence[_Contact], layout: Layout, most: int = 60, across
     """A panel for each contact, on one scale, in the order of time; those with the longest slips if they are many."""
     import matplotlib.pyplot as plt
     from matplotlib.collections import LineCollection
+    from matplotlib.colors import to_rgba_array
 
     chosen = heapq.nlargest(most, contacts, key=lambda contact: contact.path_mm)
     chosen.sort(key=lambda contact: float(contact.t_s[0]))
@@ -69,8 +71,9 @@ def _panels(contacts: Sequence[_Contact], layout: Layout, most: int = 60, across
         draw_pad(axis, layout, layout.pads.index(contact.track.pad))
         at, slipping = contact.at_mm, contact.slipping
         lines = np.stack([at[:-1], at[1:]], axis=1)
-        colours = np.where(slipping[1:], VERMILION, GREY)
-        axis.add_collection(LineCollection(list(lines), colors=colours.tolist(), linewidths=1.3, zorder=3))
+        colours = to_rgba_array(np.where(slipping[1:], VERMILION, GREY).tolist())
+        colours[:, 3] = np.where(contact.ok[:-1] & contact.ok[1:], 1.0, POSITION.doubted)
+        axis.add_collection(LineCollection(list(lines), colors=colours, linewidths=1.3, zorder=3))
         known = np.flatnonzero(np.isfinite(at[:, 0]))
         axis.plot(*at[known[0]], marker="o", markersize=3.2, color=BLUE, zorder=4)
         axis.plot(*at[known[-1]], marker="s", markersize=3.2, color=INK, zorder=4)
@@ -85,7 +88,8 @@ def _panels(contacts: Sequence[_Contact], layout: Layout, most: int = 60, across
     )
     text = (
         f"{count}, with start time and length of path while slipping. Blue dot: first position; black square: last; "
-        f"orange: slip. All pads have one scale; the widest is {widest:.0f} mm."
+        f"orange: slip{_words([contact.ok for contact in chosen])}. All pads have one scale; the widest is "
+        f"{widest:.0f} mm."
     )
     caption(figure, text)
     return figure
@@ -120,6 +124,7 @@ def _overlaid(tracks: Sequence[Track], layout: Layout) -> Figure:
             at_mm[:, 1],
             c=track.t_s - start_s,
             s=np.where(slipping, 16.0, 4.0),
+            alpha=np.where(track.flags["ok"], 1.0, POSITION.doubted),
             cmap="viridis",
             vmin=0.0,
             vmax=end_s,
@@ -131,8 +136,14 @@ def _overlaid(tracks: Sequence[Track], layout: Layout) -> Figure:
     axes[0, 0].set_ylabel("y in mm")
     if dots is not None:
         figure.colorbar(dots, ax=axes[0, -1], label="time in s", shrink=0.8)
-    caption(figure, "Path of the object on the pad; large dots: slip.")
+    sure = _words([track.flags["ok"] | np.isnan(track.position_m[:, 0]) for track in tracks])
+    caption(figure, f"Path of the object on the pad; large dots: slip{sure}.")
     return figure
+
+
+def _words(ok: Sequence[Bools]) -> str:
+    """What faint parts are, if there are any."""
+    return "" if all(one.all() for one in ok) else "; faint: quality not ok"
 
 
 def _box_mm(layout: Layout, pad: str, at_mm: Floats) -> Box:

@@ -62,7 +62,7 @@ def position_figure(
             t_s, at_mm = track.t_s - start_s, 1e3 * track.position_m[:, component]
             size = 2.0 if np.isfinite(at_mm).sum() > POSITION.small_above else 4.0
             ok, doubted = track.flags["ok"], style | {"label": "_doubted"}
-            for shown, alpha, look in ((~ok, 0.35, doubted), (ok, 0.85, style)):
+            for shown, alpha, look in ((~ok, POSITION.doubted, doubted), (ok, 0.85, style)):
                 own_s, own_mm = t_s[shown], at_mm[shown]
                 axis.plot(own_s, own_mm, linestyle="none", markersize=size, markeredgewidth=0, alpha=alpha, **look)
         axis.set_ylabel(f"{'xy'[component]} in mm")

@@ -53,6 +53,7 @@ class _Position(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     small_above: int
     slopes: int
     events: int
+    doubted: float
 
 
 class _Film(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
