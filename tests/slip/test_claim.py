@@ -23,7 +23,7 @@ def judged(
 ) -> Claim:
     """A claim after one pattern with a load relative to that before."""
     before, way = np.full(9, 100.0), np.zeros(2)
-    claim = Claim(ONSET_S, still, fast, Pattern(ONSET_S - 0.1, before, 10, way))
+    claim = Claim(ONSET_S, still, Pattern(ONSET_S - 0.1, before, 10, way))
     claim.judge(Pattern(ONSET_S + 0.1, load * before, 10, way), left, NOISE, covers=False, is_bin=is_bin)
     return claim
 
@@ -58,9 +58,9 @@ def test_of_a_contact_that_was_still_the_pose_decides_what_the_pattern_does_not(
     assert (judged(left, still=still, load=load).since_s < ONSET_S) is consents
 
 
-@pytest.mark.parametrize("fast", [False, True])
-def test_single_scans_consent_to_fast_slips(fast: bool) -> None:
-    assert (judged(UNDECIDED, fast=fast, is_bin=False).since_s < ONSET_S) is fast
+def test_a_single_scan_consents_at_once() -> None:
+    assert judged(UNDECIDED, is_bin=False).since_s < ONSET_S
+    assert judged(PRESSED, is_bin=False).since_s == np.inf
 
 
 def test_later_bins_of_an_undecided_slip_do_not_consent() -> None:

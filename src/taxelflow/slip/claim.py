@@ -31,16 +31,15 @@ class Pattern:
 
 @dataclass(slots=True, eq=False)
 class Claim:
-    """A slip by the pose. still: whether the contact was still before. fast: whether the pose moves by more than a
-    pitch in the time of a bin. before: the pattern that its interval begins with; None if there was none. rested_s:
-    end of the last bin that rest explained clearly better. compared: whether bins were. scans_s: from and up to when
-    single scans may be. shown: a slide explained the change clearly better. since_s: since when the pattern consents;
-    inf if it does not. rests: whether rest explains the change clearly better, since the slip began or it last did.
+    """A slip by the pose. still: whether the contact was still before. before: the pattern that its interval begins
+    with; None if there was none. rested_s: end of the last bin that rest explained clearly better. compared: whether
+    bins were. scans_s: from and up to when single scans may be. shown: a slide explained the change clearly better.
+    since_s: since when the pattern consents; inf if it does not. rests: whether rest explains the change clearly
+    better, since the slip began or it last did.
     """
 
     onset_s: float
     still: bool
-    fast: bool = False
     before: Pattern | None = None
     rested_s: float = -np.inf
     compared: bool = False
@@ -63,7 +62,7 @@ class Claim:
             self.show()
             return
         rests = left.rests()
-        decides = self.still and not rests and (not self.compared if is_bin else self.fast)
+        decides = self.still and not rests and not (is_bin and self.compared)
         if decides and self._has_steady_load(now) and left.shifts(noise):
             self.since_s = min(self.since_s, self.rested_s)
         if not is_bin:

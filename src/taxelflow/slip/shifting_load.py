@@ -6,17 +6,16 @@ to consent to a slip by the pose. The pattern from before it began is compared w
 
 - it consents if a slide explains the change clearly better than rest does (`rest_or_slide`);
 - if the contact was still before, its load steady, and a slide explains more than a change of the load does, it
-  consents unless rest explains the change clearly better, and by a single scan if the pose moves by more than a pitch
-  in the time of a bin: a load that was still does not shift so fast;
+  consents unless rest explains the change clearly better: a load that was still does not shift;
 - an object that covers the pad shows no end of its contact, where alone a rest leaves more than usual: there the odds
   of `evidence` decide;
 - it consents where less than half of the load is on taxels that were loaded before: the object has come that far, by
   sliding or by rolling;
 - odds for a slip (`odds`) are enough: they know a tilt from a slide, over 0.3 s, where the place is still in sight.
 
-Else the slip is suspected. Patterns are means of bins. A single scan that a slide explains clearly better is enough,
-too: many slips in a hand are over before their bin is. Patterns are compared until a slide is clearly better: a slip
-that lasts while rest is may be none (`RestlessPads`). The interval that is compared begins with the slip: the longer
+Else the slip is suspected. Patterns are means of bins. In the first 0.1 s a single scan is enough, too: many slips in a
+hand are over before their bin is. Patterns are compared until a slide is clearly better: a slip that lasts while rest
+is may be none (`RestlessPads`). The interval that is compared begins with the slip: the longer
 the way, the clearer the decision. Where the load wanders the pose may claim a slip long before there is one; then it
 begins after the last bin that rest explained clearly better, and so does the interval: what rolls or tilts rests in
 each short one, where in a long one neither is explained.
@@ -158,9 +157,8 @@ class ShiftingLoad:
             if seen.bin.until_s <= event.onset_s and seen.bin.touching[pad] and seen.bin.whole[pad]
         ]
         before = self._pattern(pad, earlier[-BINS.before :]) if earlier else None
-        fast = event.speed_m_s * BIN_S > self._pitch_m[pad]
         scans_s = event.t_s, event.t_s + BIN_S  # then bins have seen it
-        return Claim(event.onset_s, still, fast, before, scans_s=scans_s)
+        return Claim(event.onset_s, still, before, scans_s=scans_s)
 
     def _pattern(self, pad: int, seen: list[_Seen]) -> Pattern:
         """Mean of some bins, at least one."""
