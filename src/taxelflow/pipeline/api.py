@@ -54,8 +54,9 @@ def read(
 ) -> Recording:
     """Open a recording; its scans are read when asked for.
 
-    sensor: a built-in name, a TOML file or a `Sensor`, for formats that carry no layout or to replace theirs.
-    topic: which one of a bag. columns: how a csv, text or Parquet file is laid out, if not as usual. Raises
+    sensor: a built-in name, a TOML file or a `Sensor`, for formats without a layout, or to replace theirs. topic: topic
+    of a bag. columns: layout of a csv, text or Parquet file, if not the default. joints: joint angles, as pairs such as
+    `spread=60deg f1=1.2`, a named pose of the sensor's hand, or a csv file. Raises
     RecordingMissing, FormatUnknown, SensorNeeded, TopicUnclear, RecordingCorrupt, TaxelCountWrong, NameUnknown,
     SensorFileInvalid, ParameterInvalid, ExtraMissing.
     """
@@ -134,9 +135,9 @@ def convert(
 ) -> Reading:
     """Write a recording as another format, by suffix: .npz, .parquet and .mcap carry sensor, mask and truth, .csv not.
 
-    Scans stay as the sensor sent them, to the bit; repeated stamps are dropped. The file is there whole or not at all.
-    The pass over the recording is given back: it counts scans and holds what was lost. `watched` may show progress.
-    Raises FormatUnknown, ExtraMissing and what reading raises.
+    Scans stay as the sensor sent them, to the bit; repeated stamps are dropped. The file is written completely or not
+    at all. Returns the pass over the recording, with the number of scans and what was lost. `watched` may show
+    progress. Raises FormatUnknown, ExtraMissing and what reading raises.
     """
     path = Path(path)
     if path.suffix.lower() not in registry.names("writer"):
@@ -221,10 +222,11 @@ def estimate(
 ) -> Result:
     """Run a recording through the pipeline and keep all results in memory.
 
-    method: a name, whose parameters follow (e.g. gain=1.04), or an estimator of your own. contacts: the most contacts
-    to separate on every pad, or by pad ({"palm": 2}); as in the sensor's file if left out. Raises what `read`
+    method: a name, with its parameters as further arguments (e.g. gain=1.04), or an estimator of your own. mode: batch
+    (the whole recording is used) or stream (scan by scan). contacts: largest number of contacts to separate on every
+    pad, or by pad ({"palm": 2}); as in the sensor file if left out. Raises what `read`
     raises, ParameterInvalid and NameUnknown for contacts, TimesNotIncreasing, and CalibrationError if `calibration` (an
-    object or a file) is broken or of another sensor or method. `summary.loss` holds what a truncated
+    object or a file) is invalid or of another sensor or method. `summary.loss` states what a truncated
     recording lacks.
     """
     if not isinstance(recording, Recording):

@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PadResult:
-    """What one pad, group or separate contact gave: arrays over scans, in its frame; NaN where unknown.
+    """Results of one pad, group or separate contact: arrays over scans, in its frame; NaN where unknown.
 
-    name: of the pad. t_s: (scans,), s. contact, slipping: (scans,). border: (scans, 2), whether the contact reaches a
-    border that faces x, y. displacement, pose, velocity: (scans, 3), x, y, theta in m, m, rad (per s). covariance:
-    (scans, 3, 3) of the pose. lag_s: (scans,), age of the pose. load: (scans,), Pa or counts. evidence: (scans,), log
-    odds of a slip by the change of the pattern. quality: (scans,), of the pose, as text. events, contacts and
-    patterns are those of the pad.
+    name: of the pad. t_s: (scans,), s. contact, slipping: (scans,), bool. border: (scans, 2), whether the contact
+    reaches a border that faces x, y. displacement, pose, velocity: (scans, 3), x, y, theta in m, m, rad (per s).
+    covariance: (scans, 3, 3) of the pose. lag_s: (scans,), age of the pose. load: (scans,), Pa or counts. evidence: (scans,), log
+    odds of a slip by the change of the pattern. quality: (scans,), of the pose: `ok`, `ambiguous`, `unresolved`,
+    `lost`, or empty without a pose. events, contacts and patterns are those of the pad.
     """
 
     name: str
@@ -61,11 +61,11 @@ class PadResult:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Result:
-    """Everything that a recording gave, in memory. `result["palm"]` has the arrays of one pad.
+    """All results from one recording, in memory. `result["palm"]` has the arrays of one pad.
 
     sensor: with the layout. slips: arrays (scans, pads), with `pads` in that order: pads, groups, and contacts that are
-    separated; slipping: (scans, pads). `motions` is the object's motion per scan, `contacts` what each pad's contact is
-    like, `patterns` what a method that learns has learned, `summary` what `summary.json` holds, `evidence`
+    separated; slipping: (scans, pads). `motions` is the object's motion per scan, `contacts` the features of each pad's
+    contact, `patterns` the learned pressure maps, `summary` the content of `summary.json`, `evidence`
     (scans, pads) the log odds of a slip by the change of the pattern, NaN where unknown. `spatial` is the object's
     motion in space, None where the places of the pads in space are unknown.
     """

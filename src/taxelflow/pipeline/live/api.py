@@ -41,10 +41,10 @@ class Live:
     sensor: a built-in name, a TOML file, a `Sensor`, or a `Recording` whose sensor and masks are used. method,
     condition, monitor, calibration, smooth, contacts, parameters: as for `estimate`. Raises what `load_sensor`,
     `estimator` and `estimate` raise for these. adoptions: those of a former loop, to reproduce its results from the
-    same scans; if left out, what is learned is used when it is ready, and the loop never waits.
+    same scans; if left out, new maps and tares are used as soon as they are ready, and the loop never waits.
 
-    pads: names along the second axis of results. faults: counts of scans that were repeated or late, that have no
-    finite time, that hold a number beyond 1e30, which is a missing reading, and of jumps of the clock.
+    pads: names along the second axis of results. faults: numbers of scans that were repeated, late or without a
+    finite time, of scans with a number beyond 1e30 (it counts as a missing reading), and of jumps of the clock.
     """
 
     def __init__(
