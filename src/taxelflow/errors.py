@@ -133,11 +133,12 @@ class RecordingMissing(RecordingError):
 
     def __init__(self, path: Path) -> None:
         if holds_results(path):
-            super().__init__(f"{path} holds results, no recording; give the recording that its summary.json names")
+            super().__init__(f"{path} holds results, not a recording; give the recording that its summary.json names")
         elif path.is_dir():
             super().__init__(
-                f"recording {path} is a directory but no ROS 2 bag (it has no metadata.yaml), and no pad has `files` "
-                "in it; give one recording, or estimate all recordings of a directory with `taxelflow batch`"
+                f"recording {path} is a directory, but not a ROS 2 bag (it has no metadata.yaml), and no pad has "
+                "`files` in it; give one recording, use `taxelflow batch` for all recordings of a directory, or, for "
+                "one file per pad, give --sensor and `files` of its pads or --columns.pads PAD=GLOB"
             )
         elif path.exists():
             super().__init__(f"recording {path} is a device or pipe; give the path of a regular file")
@@ -231,7 +232,8 @@ class SensorNeeded(RecordingError):
 
     def __init__(self, path: Path | str, known: Iterable[str]) -> None:
         super().__init__(
-            f"{path} does not contain its sensor; add --sensor NAME ({', '.join(known)}) or --sensor FILE.toml"
+            f"{path} does not contain its sensor; add --sensor NAME ({', '.join(known)}), "
+            "a plain grid such as grid:16x16@4mm, or FILE.toml"
         )
 
 
@@ -334,7 +336,8 @@ class SourceMissing(TaxelflowError):
 
     def __init__(self, directory: Path, source: str) -> None:
         super().__init__(
-            f"{directory} is the result of {source}, which is gone or has changed; put it back, or estimate again"
+            f"{directory} is the result of {source}, which is gone or has changed; "
+            "restore it, or run `taxelflow estimate` again"
         )
 
 
@@ -355,7 +358,7 @@ class CalibrationUnfit(CalibrationError):
     def __init__(self, made_for: str, used_for: str) -> None:
         super().__init__(
             f"the calibration is for {made_for}, not for {used_for}; "
-            "use one that `taxelflow calibrate` has written for this sensor and method"
+            "use one by `taxelflow calibrate` for this sensor and method"
         )
 
 
@@ -371,7 +374,9 @@ class BatchUnlike(TaxelflowError):
     """A directory holds results of a batch with other settings. seen: which differ, and what they are."""
 
     def __init__(self, directory: Path, seen: str) -> None:
-        super().__init__(f"{directory} holds results with other settings: {seen}; use the same, or another --out")
+        super().__init__(
+            f"{directory} holds results with other settings: {seen}; use the same settings, or another --out"
+        )
 
 
 class ClusterFault(TaxelflowError):
@@ -392,9 +397,7 @@ class RunEnded(TaxelflowError):
     """Scans come, or the end comes again, after the end of a run, which has closed slips and contacts."""
 
     def __init__(self) -> None:
-        super().__init__(
-            "the run has ended with finish(): it takes no more scans; make a new Live for those that follow"
-        )
+        super().__init__("the run has ended with finish() and takes no more scans; make a new Live for further scans")
 
 
 class TruthInvalid(TaxelflowError):
@@ -435,7 +438,9 @@ class PortTaken(TaxelflowError):
 
     def __init__(self, url: str, port: int | None) -> None:
         taken = "its port" if port is None else f"port {port}"
-        super().__init__(f"cannot open {url}: {taken} is taken by another program; choose another port, or end it")
+        super().__init__(
+            f"cannot open {url}: {taken} is taken by another program; choose another port, or end that program"
+        )
 
 
 class GraphicsMissing(TaxelflowError):
@@ -450,7 +455,7 @@ class PluginBroken(TaxelflowError):
 
     def __init__(self, stage: str, name: str, where: str, package: str, error: Exception) -> None:
         seen = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        super().__init__(f"cannot use {stage} {name!r} from {where} ({seen}); mend or remove the package {package}")
+        super().__init__(f"cannot use {stage} {name!r} from {where} ({seen}); repair or remove the package {package}")
 
 
 class PluginFailed(TaxelflowError):
@@ -459,7 +464,7 @@ class PluginFailed(TaxelflowError):
     def __init__(self, stage: str, name: str, package: str, error: BaseException, place: str) -> None:
         seen = f"{type(error).__name__}: {' '.join(str(error).split())}"
         super().__init__(
-            f"{stage} {name!r} of the package {package} has failed ({seen}; {place}); mend or remove that package"
+            f"{stage} {name!r} of the package {package} has failed ({seen}; {place}); repair or remove that package"
         )
 
 

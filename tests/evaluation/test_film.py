@@ -153,7 +153,7 @@ def test_without_its_recording_a_result_cannot_be_filmed(tmp_path: Path, capsys:
     result = estimated(tmp_path / "stroke.npz", tmp_path / "result")
     (tmp_path / "stroke.npz").unlink()
     said = refused(capsys, "film", result, tmp_path / "a.gif")
-    assert "stroke.npz, which is gone or has changed; put it back, or estimate again" in said
+    assert "stroke.npz, which is gone or has changed; restore it, or run `taxelflow estimate` again" in said
 
 
 def test_pads_without_a_place_on_the_hand_stand_in_a_row() -> None:

@@ -112,7 +112,7 @@ def test_a_plugin_that_cannot_be_imported_is_named_in_one_line(
     (tmp_path / "a.csv").write_text("t_s,v0,v1\n0,1,1\n")
     said = refused(capsys, "estimate", tmp_path / "a.csv", "--sensor", "grid:1x2@4mm", "--method", plugin, "--out", "x")
     assert f"cannot use estimator 'other' from plug_for_taxelflow:Other ({seen}" in said
-    assert said.endswith("; mend or remove the package plug\n")
+    assert said.endswith("; repair or remove the package plug\n")
     assert registry.summary("estimator", plugin) == ""
 
 

@@ -33,9 +33,9 @@ class PadResult:
 
     name: of the pad. t_s: (scans,), s. contact, slipping: (scans,), bool. border: (scans, 2), whether the contact
     reaches a border that faces x, y. displacement, pose, velocity: (scans, 3), x, y, theta in m, m, rad (per s).
-    covariance: (scans, 3, 3) of the pose. lag_s: (scans,), age of the pose. load: (scans,), Pa or counts. evidence: (scans,), log
-    odds of a slip by the change of the pattern. quality: (scans,), of the pose: `ok`, `ambiguous`, `unresolved`,
-    `lost`, or empty without a pose. events, contacts and patterns are those of the pad.
+    covariance: (scans, 3, 3) of the pose. lag_s: (scans,), age of the pose. load: (scans,), Pa or counts. evidence:
+    (scans,), log odds of a slip by the change of the pattern. quality: (scans,), of the pose: `ok`, `ambiguous`,
+    `unresolved`, `lost`, or empty without a pose. events, contacts and patterns are those of the pad.
     """
 
     name: str

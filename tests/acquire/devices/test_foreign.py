@@ -85,7 +85,7 @@ def test_an_exception_is_one_line_that_names_the_package_and_results_are_kept(
     assert run(mode) == 2
     message = capsys.readouterr().err.splitlines()[-1]
     assert message.startswith(f"taxelflow: source 'glove' of the package plug has failed ({seen}; ")
-    assert message.endswith(f"plug_with_glove.py, line {line}); mend or remove that package")
+    assert message.endswith(f"plug_with_glove.py, line {line}); repair or remove that package")
     assert len(times(tmp_path)) == 29
 
 

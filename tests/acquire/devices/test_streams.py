@@ -37,7 +37,8 @@ def test_a_port_that_is_taken_is_named(kind: Any, scheme: str) -> None:
         if kind == socket.SOCK_STREAM:
             other.listen()
         port = other.getsockname()[1]
-        with pytest.raises(PortTaken, match=f"port {port} is taken by another program; choose another port, or end it"):
+        says = f"port {port} is taken by another program; choose another port, or end that program"
+        with pytest.raises(PortTaken, match=says):
             opened(f"{scheme}://127.0.0.1:{port}").__enter__()
 
 

@@ -211,8 +211,8 @@ def test_a_fault_of_a_worker_leaves_recordings_undone(monkeypatch: pytest.Monkey
 
     monkeypatch.setattr("taxelflow.pipeline.batch.run.outcomes", outcomes)
     said = refused(capsys, "batch", "runs/*.npz", "--out", "out")
-    assert "1 recording is not done, through faults of workers" in said
-    assert "a.npz: OSError: No space left on device; mend it, then run the same command again" in said
+    assert "1 recording is not done, because workers failed" in said
+    assert "a.npz: OSError: No space left on device; repair the cause, then run the same command again" in said
     assert statuses(Path("out")) == {"b.npz": "done", "broken.npz": "failed"}
 
 

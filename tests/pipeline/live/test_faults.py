@@ -131,7 +131,7 @@ def test_an_emulation_of_nothing_is_refused(capsys: pytest.CaptureFixture[str]) 
         said = refused(capsys, "emulate", f"tcp://127.0.0.1:{port}", "--from", "stroke")
     assert said == (
         f"taxelflow: cannot open tcp://127.0.0.1:{port}: port {port} is taken by another program; "
-        "choose another port, or end it\n"
+        "choose another port, or end that program\n"
     )
     said = refused(capsys, "emulate", "tcp://192.0.2.1:5", "--from", "stroke")
     assert said.startswith("taxelflow: cannot open tcp://192.0.2.1:5: Cannot assign requested address")

@@ -157,7 +157,7 @@ def test_what_is_missing_is_one_line_without_an_address(tmp_path: Path, capsys: 
     pytest.importorskip("viser", reason="viser is not installed (extra `view`)")
     assert "does not exist" in refused(capsys, "view", tmp_path / "none.npz")
     (tmp_path / "summary.json").touch()
-    assert "holds results, no recording; give the recording that" in refused(capsys, "view", tmp_path)
+    assert "holds results, not a recording; give the recording that" in refused(capsys, "view", tmp_path)
     assert "does not exist" in refused(capsys, "view", f"replay:{tmp_path / 'none.npz'}")
     assert "unknown source 'tpc'; did you mean 'tcp'?" in refused(capsys, "view", "tpc://127.0.0.1:1")
     assert "does not contain its sensor" in refused(capsys, "view", "tcp://127.0.0.1:1")

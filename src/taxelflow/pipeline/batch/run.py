@@ -199,6 +199,6 @@ def _estimate(
         undone = len(missing) - ended
         seen = "1 recording is" if undone == 1 else f"{undone} recordings are"
         raise ClusterFault(
-            f"{seen} not done, through faults of workers; the first is {faults[0]}",
-            "mend it, then run the same command again: what is finished is kept",
+            f"{seen} not done, because workers failed; the first failure is {faults[0]}",
+            "repair the cause, then run the same command again: what is finished is kept",
         )
