@@ -76,7 +76,7 @@ class Control(Output):
     """Number of sets of parameters to try beside the defaults: all on a quarter of the trials, the best 4 on all."""
 
     film: Path | None = None
-    """Film the first trial at half speed into this .mp4 or .gif: gripper or hand, pads, slip vectors, force and way."""
+    """Film the first trial at half speed into this .mp4 or .gif: hand, pads, slip vectors, force and slid distance."""
     plot: Path | None = None
     """Draw force, load and slid distance of the first trial of each event into this directory."""
 
