@@ -190,7 +190,7 @@ def watched(way: Any, *, noise_m: float, rate_hz: float, log_hz: float, log_nois
 def test_noise_of_the_robots_log_is_not_taken_for_the_slope_of_its_path() -> None:
     fits = [watched(circling, noise_m=8e-5, rate_hz=50, log_hz=200, log_noise_m=3e-4, seed=seed) for seed in range(12)]
     drawn = np.sqrt(np.mean([scores(fit) ** 2 for fit in fits], axis=0))
-    assert (drawn > 0.5).all(), drawn
+    assert (drawn > 0.4).all(), drawn
     assert (drawn < 1.5).all(), drawn
     assert np.mean([fit.offset_s for fit in fits]) == pytest.approx(OFFSET_S, abs=0.002)
 

@@ -32,8 +32,10 @@ import numpy as np
 
 from taxelflow.messages import Floats
 from taxelflow.numerics.bins import BIN_S
+from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.rest_or_slide import compare, overlap
+from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.skins import PadNoise, prepare, skin_of
 from taxelflow.slip.claim import WINDOW_S, Claim, Pattern
@@ -206,13 +208,21 @@ class ShiftingLoad:
             claim.before = now if is_bin else None
             return
         common = overlap(skin, before.pressure, now.pressure)
+        scatter = float(self._noise.median(noise)[pad] * np.sqrt(1.0 / before.scans + 1.0 / now.scans))
         if common.comparable:
-            scatter = float(self._noise.median(noise)[pad] * np.sqrt(1.0 / before.scans + 1.0 / now.scans))
             way = np.array([*(now.path_m - before.path_m) / self._pitch_m[pad], 0.0])
             left = compare(skin, before.pressure, now.pressure, scatter, way, gain_error=self._layout.unseen_error)
             claim.judge(now, left, scatter, covers=common.covers, is_bin=is_bin)
-        elif is_bin:  # noise of a single scan on a large pad may be half of its load
+        elif is_bin or _touches_anew(before.pressure, now.pressure, scatter):
             claim.show()
+
+
+def _touches_anew(before: Floats, now: Floats, noise: float) -> bool:
+    """Whether a taxel that was not loaded has the largest load: noise of a single scan on a large pad may be half of
+    its load.
+    """
+    largest = int(now.argmax())
+    return bool(before[largest] <= LOADED.skirt * before.max() and now[largest] > SIGNIFICANT * noise)
 
 
 @kernel
