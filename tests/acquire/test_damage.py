@@ -201,7 +201,7 @@ def test_a_bag_that_is_none_is_not_sent_to_reindexing(tmp_path: Path) -> None:
 def test_a_directory_without_metadata_is_no_bag(tmp_path: Path) -> None:
     path = bag("mcap")(tmp_path)
     (path.parent / "metadata.yaml").unlink()
-    with pytest.raises(RecordingError, match=r"no ROS 2 bag \(it has no metadata.yaml\)"):
+    with pytest.raises(RecordingError, match=r"not a ROS 2 bag \(it has no metadata.yaml\)"):
         read(path.parent, SENSOR)
     assert attempt(path) == len(VALUES)
 
