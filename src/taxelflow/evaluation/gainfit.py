@@ -3,8 +3,7 @@
 Model, for scan k and axis a of the pad:  m_ka = p_ka / g_a + error,  p_k = R(phi) q(t_k + offset) + s,  with m the
 method's position at gain 1, q the robot's trajectory, (s, phi) the pose of the robot's frame in the pad's and offset
 the robot's clock less the sensor's. The truth is smoothed, then taken as exact, so the gain divides it: on the noisy
-side it would come out too small. Robust least squares (soft L1); standard errors from the Jacobian at the solution,
-with
+side it would come out too small. Robust least squares (soft L1); standard errors from the Jacobian there, with
 
 - the scatter that noise does not explain (sampling by taxels), from the scans furthest from the edge's reach;
 - the correlation of consecutive residuals: one centroid is part of two indices, and sampling errors last;
@@ -98,7 +97,7 @@ def fit_gains(seen: Sightings, truth: Trajectory, pitch_m: Floats, search_s: flo
             f"only {used.sum()} scans have a position within the trajectory's times",
             f"give at least {_SEARCH.fewest}, and check that both clocks agree within the search (now {search_s:g} s)",
         )
-    problem = _Problem(seen.chosen(used), path, (pitch_m, search_s), path.doubt(seen.t_s[used] + offset))
+    problem = _Problem(seen.chosen(used), path, pitch_m, search_s, path.doubt(seen.t_s[used] + offset))
     length, width = problem.spread(offset)
     _check_length(length, float(np.hypot(*problem.places_std())), float(pitch_m.max()))
     plane = width > _SEARCH.flat * length
@@ -146,10 +145,9 @@ def _words(fit: GainFit) -> str:
 class _Problem:
     """Least squares over (gain_x, gain_y, phi, s_x, s_y, offset), lengths in units of 1 cm to be of one size."""
 
-    def __init__(self, seen: Sightings, path: RobotPath, limits: tuple[Floats, float], model_m: Floats) -> None:
-        """limits: pitch, m, (2,) and search, s."""
-        self._seen, self._path, self._limits, self._model_m = seen, path, limits, model_m
-        self._pitch_m, self._search_s = limits
+    def __init__(self, seen: Sightings, path: RobotPath, pitch_m: Floats, search_s: float, model_m: Floats) -> None:
+        self._seen, self._path, self._model_m = seen, path, model_m
+        self._pitch_m, self._search_s = pitch_m, search_s
         self._deviation = np.sqrt(seen.noise_m**2 + seen.edge_m**2 + model_m**2)
 
     def _robot(self, offset: float) -> Floats:
@@ -200,7 +198,8 @@ class _Problem:
             max(0.0, float(np.mean(r[c] ** 2 - n[c] ** 2)))
             for r, c, n in zip(first.residual_m.T, clean.T, self._seen.noise_m.T, strict=True)
         ]
-        again = _Problem(self._seen, self._path, self._limits, np.hypot(self._model_m, np.sqrt(beyond)))
+        doubt_m = np.hypot(self._model_m, np.sqrt(beyond))
+        again = _Problem(self._seen, self._path, self._pitch_m, self._search_s, doubt_m)
         fit = again._best(first.offset_s, tied)
         return replace(fit, std=np.hypot(fit.std, self._sampling_std(fit, clean, tied)))
 

@@ -26,8 +26,6 @@ class _Robust(NamedTuple):
     """Chi-square above which a contact weighs less (Huber): the 99 % point of three degrees of freedom."""
     student: float = 4.0
     """Degrees of freedom of the Student t weights, with which a wrong contact hardly affects the misfit."""
-    unseen: float = np.pi**2 / 3.0
-    """Variance of a turn that was known, and goes on where no contact shows it: that of any angle."""
 
 
 ROBUST = _Robust()
@@ -53,8 +51,8 @@ class Body:
     """Pose of the object since first contact, and its covariance; all 0 until something touches.
 
     misfit, freedom: chi-square of the contacts' residuals and its degrees of freedom, over the last scans. turning:
-    whether the last fit had a turn. Else the covariance of the place is that at this theta, and the last column is how
-    the place goes with theta.
+    whether the last fit had a turn. Else the covariance of the place is that at this theta, and the last column its
+    covariance with theta.
     """
 
     pose: Vector

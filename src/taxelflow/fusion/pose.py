@@ -152,7 +152,7 @@ def lose_turn(normal: Floats, body: Body) -> None:
     """
     P = body.covariance
     if P[2, 2] > 0.0 and np.isfinite(P[2, 2]):
-        P[2, 2] = max(P[2, 2], ROBUST.unseen)
+        P[2, 2] = max(P[2, 2], np.pi**2 / 3.0)  # that of any angle
         xx, xy, yy = inverse2(normal[0, 0], normal[0, 1], normal[1, 1])
         P[0, 2] = P[2, 0] = -P[2, 2] * (xx * normal[0, 2] + xy * normal[1, 2])
         P[1, 2] = P[2, 1] = -P[2, 2] * (xy * normal[0, 2] + yy * normal[1, 2])

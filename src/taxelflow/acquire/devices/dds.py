@@ -76,18 +76,13 @@ def _field_type(store: Typestore, kind: Any, made: dict[str, Any]) -> Any:
     return types.array[element, detail[1]] if node.name == "ARRAY" else types.sequence[element]
 
 
-def best_effort(kept: int = 64) -> Any:
-    """Quality of service of sensors' topics: of a reader, one that takes from every writer. kept: messages."""
-    policy = cyclonedds().core.Policy
-    return cyclonedds().qos.Qos(policy.Reliability.BestEffort, policy.History.KeepLast(kept))
-
-
-def reliable(kept: int = 64) -> Any:
-    """Quality of service of results: only what a reliable writer offers reaches every reader, and `ros2 topic echo`
-    asks for it. kept: the last messages, which a slow reader may still get; writing never waits for it.
+def quality_of_service(*, reliable: bool) -> Any:
+    """Of sensors' topics best effort: such a reader takes from every writer. Of results reliable: such a writer reaches
+    every reader, and `ros2 topic echo` asks for it. It keeps the last messages for a slow one, and never waits for it.
     """
     policy = cyclonedds().core.Policy
-    return cyclonedds().qos.Qos(policy.Reliability.Reliable(max_blocking_time=0), policy.History.KeepLast(kept))
+    kind = policy.Reliability.Reliable(max_blocking_time=0) if reliable else policy.Reliability.BestEffort
+    return cyclonedds().qos.Qos(kind, policy.History.KeepLast(64))
 
 
 class DdsReader:
@@ -109,7 +104,7 @@ class DdsReader:
         try:
             participant = self._dds.domain.DomainParticipant(self._domain)
             topic = self._dds.topic.Topic(participant, self._topic, self._kind)
-            self._reader = self._dds.sub.DataReader(participant, topic, qos=best_effort())
+            self._reader = self._dds.sub.DataReader(participant, topic, qos=quality_of_service(reliable=False))
         except self._dds.core.DDSException as error:
             raise OSError(str(error)) from error
         return True

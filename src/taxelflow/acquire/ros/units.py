@@ -17,8 +17,9 @@ def in_unit_of(kind: Kind, sensor: Sensor) -> Sensor:
     """The built-in sensor of this message in the message's unit, however it was named; any other sensor as it is, for
     a sensor file states the unit itself.
     """
-    own = kind.unit and sensor.name in kind.sensors and sensor.name in builtin_sensors()
-    if not own or sensor.unit == kind.unit or sensor != load_sensor(sensor.name):
+    if kind.unit in ("", sensor.unit) or sensor.name not in kind.sensors:
+        return sensor
+    if sensor.name not in builtin_sensors() or sensor != load_sensor(sensor.name):
         return sensor
     full = None if sensor.full_scale is None else sensor.full_scale * sensor.to_si
     return msgspec.structs.replace(sensor, unit=kind.unit, scale_pa=None, full_scale=full)

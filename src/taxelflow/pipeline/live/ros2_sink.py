@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from taxelflow.acquire.devices.dds import cyclonedds, dds_type, domain_of, reliable
+from taxelflow.acquire.devices.dds import cyclonedds, dds_type, domain_of, quality_of_service
 from taxelflow.acquire.ros.decode import store_of
 from taxelflow.acquire.ros.kinds import kind_of
 from taxelflow.numerics.clock import nanoseconds
@@ -102,7 +102,7 @@ class Ros2Sink:
 
         def writer(topic: str, message_type: Any) -> Any:
             made = self._dds.topic.Topic(participant, f"rt/taxelflow/{topic}", message_type)
-            return self._dds.pub.DataWriter(participant, made, qos=reliable())
+            return self._dds.pub.DataWriter(participant, made, qos=quality_of_service(reliable=True))
 
         self._object3d = writer("object3d", self._types.twist_type)
         self._pose3d = writer("pose3d", self._types.pose_type)

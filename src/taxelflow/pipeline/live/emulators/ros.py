@@ -78,7 +78,7 @@ class _Publisher:
     def __enter__(self) -> Self:
         participant = self._dds.domain.DomainParticipant(self._domain)
         topic = self._dds.topic.Topic(participant, self._topic, self._kind)
-        self._writer = self._dds.pub.DataWriter(participant, topic, qos=dds.best_effort())
+        self._writer = self._dds.pub.DataWriter(participant, topic, qos=dds.quality_of_service(reliable=False))
         return self
 
     def __exit__(self, *_details: object) -> None:
