@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -100,6 +101,8 @@ class LocalMap:
     """... and how many scans had been keyframes when it was found."""
     fresh: int = 0
     """Number of the last keyframes that were registered to the map before."""
+    until_s: float = -inf
+    """Time of the newest scan that it was learned from, though that is no keyframe any more."""
     taken: int = 1
     """Scans that have ever been keyframes, ..."""
     looked: int = 0

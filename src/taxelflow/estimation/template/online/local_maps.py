@@ -209,6 +209,7 @@ class LocalMaps:
         m.gain_std = learned.loose_gain_std
         m.changing, m.seen, m.grows = learned.changing, learned.reports_turn, learned.grows or m.grows
         m.slack, m.slack_t = learned.slack + learned.unseen
+        m.learned_s = learned.until_s
         self._open_across(pad, learned)
         m.reach, m.undecided = learned.scanned.reach, learned.undecided
         m.open[:] = m.reach * learned.hidden.direction

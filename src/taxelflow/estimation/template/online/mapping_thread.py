@@ -156,4 +156,5 @@ def learn_from(known: LocalMap, fresh: Candidates) -> LocalMap:
     keyframes = known.keyframes
     for scan in zip(fresh.t_s.tolist(), *fresh[1:], strict=True):
         keyframes = keyframes.with_scan(*scan)
-    return learn(replace(known, keyframes=keyframes, taken=known.taken + len(fresh.t_s)))
+    taken = known.taken + len(fresh.t_s)
+    return learn(replace(known, keyframes=keyframes, until_s=float(fresh.t_s[-1]), taken=taken))

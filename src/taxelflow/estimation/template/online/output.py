@@ -87,21 +87,33 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
             m.flag = NOVEL
     else:
         rows.quality[k, pad] = UNRESOLVED if m.strange else rows.quality[k, pad]
-        _add_poor(m)
+        _add_poor(t, m)
         if m.poor >= _UNFIT.learned or m.keyframes < KEYFRAMES.young:
             m.flag = NOVEL
     if state_of(m.state).gain > FAINT and m.keyframes < KEYFRAMES.young:
         m.flag = NOVEL
     if unsure:
         m.flag = NOTHING  # a pattern must not learn from where it is not
-    if moved > _UNFIT.leap * (1.0 + m.radius) or (m.poor >= _UNFIT.given_up and m.unexplained > UNEXPLAINED.known):
+    if moved > _UNFIT.leap * (1.0 + m.radius) or is_given_up(m):
         m.flag = GONE
         rows.quality[k, pad] = LOST
 
 
 @lean_kernel
-def _add_poor(m: Track) -> None:
+def is_given_up(m: Track) -> bool:
+    """Whether the pattern is given up: scans do not fit, though it has learned from such, or are another object's.
+
+    Learning takes as long at any rate: scans that come meanwhile show no more than that it is still to be learned.
+    """
+    taught = m.learned_s >= m.poor_s or m.probation > 0.0 or m.unexplained > UNEXPLAINED.most
+    return bool(m.poor >= _UNFIT.given_up and m.unexplained > UNEXPLAINED.known and taught)
+
+
+@lean_kernel
+def _add_poor(t: float, m: Track) -> None:
     """Count a scan that does not fit, by how little it does."""
+    if m.poor == 0.0:
+        m.poor_s = t
     if m.unexplained > UNEXPLAINED.most:
         m.poor += _UNFIT.given_up / UNEXPLAINED.scans
     elif m.chi / m.usual > _UNFIT.far:

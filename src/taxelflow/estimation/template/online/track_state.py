@@ -118,7 +118,11 @@ class Track:
     theta_0: float
     """Where it counts from."""
     poor: float
-    """Scans in a row that do not fit."""
+    """Scans in a row that do not fit, ..."""
+    poor_s: float
+    """... and the time of the first of them, s."""
+    learned_s: float
+    """Time of the newest scan that the pattern has been learned from, s."""
     continues: bool
     """Whether the scan before was registered, on this pattern."""
     slack: float
