@@ -128,6 +128,12 @@ def test_equal_motion_of_pads_as_the_load_changes_is_no_slip(load_m: float, slip
     assert any(motion.slipping for motion in rising) is slips
 
 
+@pytest.mark.parametrize("name", ["load_m", "load_share"])
+def test_a_spread_below_0_is_refused(name: str) -> None:
+    with pytest.raises(ParameterInvalid, match=rf"agreement\.{name} must be"):
+        Agreement(**{name: -1e-3})
+
+
 @pytest.mark.parametrize("name", ["sigmas", "memory_s"])
 def test_an_agreement_out_of_range_is_refused(name: str) -> None:
     with pytest.raises(ParameterInvalid, match=rf"agreement\.{name} must be"):
@@ -519,6 +525,10 @@ def test_a_ridge_is_felt_across_and_not_along_its_load(down: tuple[float, float]
     for scan, reading in enumerate(readings + random.normal(0.0, 100.0, readings.shape)):
         said = pads.step(scan * DT_S, np.maximum(reading, 0.0), NO_JOINTS)
     assert (said.detail_m < Hold().blindness.detail_m).all() == felt
+    assert said.detail_m2 is not None
+    if direction is not None:
+        in_plane = np.einsum("a,pab,b->p", direction, said.detail_m2, direction)
+        np.testing.assert_allclose(said.detail_m, np.sqrt(in_plane))
 
 
 def test_a_sensor_without_two_pads_alike_is_refused() -> None:
