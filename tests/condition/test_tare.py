@@ -613,6 +613,20 @@ def test_a_stream_that_starts_loaded_learns_offsets_once_it_is_released() -> Non
     assert not scans.contact[-100:].any()
 
 
+@pytest.mark.parametrize("full_scale", [None, 255.0])
+def test_a_stream_that_reads_down_to_0_has_its_idle_level_with_or_without_a_full_scale(
+    full_scale: float | None,
+) -> None:
+    random = np.random.default_rng(0)
+    bias = random.uniform(0.7, 3, TAXELS)
+    values = np.round(np.maximum(bias + random.normal(0, 0.4, (SCANS, TAXELS)), 0.0))
+    sensor = grid_sensor(4, 7, pads=2, unit="count", full_scale=full_scale)
+    scans, session = conditioned(values, sensor, mode="stream")
+    assert session.baseline is not None
+    assert np.sqrt(np.mean((session.baseline.offset - values.mean(axis=0)) ** 2)) < 0.25
+    assert not scans.contact.any()
+
+
 def test_the_mean_of_clipped_readings_is_no_offset() -> None:
     _, session = conditioned(np.maximum(noise(sigma=100.0), 0.0), PADS)
     assert session.baseline is not None

@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from taxelflow.condition.converter import MIN_NOISE_SHARE
 from taxelflow.condition.resting import NEAR_LOAD_SHARE, far_from_loads, find_rest
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.centroid import LOADED
@@ -222,7 +223,8 @@ def rest_offset(
     used = np.where(live & np.isfinite(readings), readings, np.nan)
     far = far_from_loads(used, near)
     sigma = np.where(live, noise, 1.0)
-    reach = max(reference if np.isfinite(reference) else 0.0, float(sigma.max()))
+    loudest = float(sigma.max())
+    reach = max(reference, loudest) if np.isfinite(reference) else loudest / MIN_NOISE_SHARE
     rest = find_rest(far, sigma, cut, reach)
     scans = rest.unloaded.sum(axis=0)
     lowest = float(np.min(far, initial=cut, where=np.isfinite(far)))
