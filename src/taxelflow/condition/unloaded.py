@@ -62,7 +62,15 @@ def no_contact(windows: Floats, learned: Baseline, sensor: Sensor, contact_on: f
             f"{seen}, most are near {middle:.4g}; contact begins where a pad's sum is above 0, too: if that is read "
             f"without load, add offset = {middle:.4g} to the sensor file, or --condition.tare start"
         )
-    return f"{seen}, at most {most:.4g} above idle; contact begins at {limit}"
+    seen = f"{seen}, at most {most:.4g} above idle"
+    below = -to_unit * float(np.min(above, initial=0.0, where=known))
+    if min(most, below) > contact_on * noise:
+        return (
+            f"{seen}, but as much as {below:.4g} below it, and contact begins where a pad's sum is above 0, too: if an "
+            "object lay on the pad at the start, its load is missing; start without it, or declare full_scale in the "
+            "sensor file"
+        )
+    return f"{seen}; contact begins at {limit}"
 
 
 def falls_under_load(windows: Floats, learned: Baseline, polarity: int) -> str:
