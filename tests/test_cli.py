@@ -698,6 +698,8 @@ def test_sensors_draws_all_built_in_ones(tmp_path: Path, capsys: Capture, monkey
     drawn = {f.name for f in tmp_path.iterdir()}
     assert drawn == {"barretthand-162.svg", "hexagon-61.svg", "xela-4x4@1mm.svg"}
     line = refused(capsys, "sensors", "--plot", tmp_path / "all.png")
+    assert "plot must be a directory for all sensors; for a file, name one sensor" in line
+    line = refused(capsys, "sensors", "hexagon-61", "--plot", tmp_path / "one.bmp")
     assert "plot must be a directory, or a file that ends in .svg or .png or .pdf" in line
 
 

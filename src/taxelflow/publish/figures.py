@@ -145,7 +145,9 @@ def draw_sensors(sensors: Sequence[Sensor], out: Path) -> list[Path]:
     Raises ParameterInvalid, ExtraMissing.
     """
     form = out.suffix.removeprefix(".")
-    if form and (form not in FORMATS or len(sensors) > 1):
+    if form and len(sensors) > 1:
+        raise ParameterInvalid("plot", str(out), "be a directory for all sensors; for a file, name one sensor")
+    if form and form not in FORMATS:
         raise ParameterInvalid("plot", str(out), f"be a directory, or a file that ends in .{' or .'.join(FORMATS)}")
     made: list[Path] = []
     with styled():
