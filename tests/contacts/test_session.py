@@ -53,7 +53,7 @@ def test_split_contacts_hold_their_own_taxels_and_are_described_by_them() -> Non
     segmented = contacts.step(given)
     np.testing.assert_array_equal(given.pressure, before)  # the conditioner's scans stay as they are
     assert segmented.scans.contact.all()
-    assert not segmented.unfit.any()
+    assert segmented.unfit[-1].tolist() == [True, False, False]
     assert contacts.notes == []
     whole, first, second = segmented.contacts.force.T
     np.testing.assert_allclose(first + second, whole, rtol=1e-3)

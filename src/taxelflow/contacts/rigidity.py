@@ -1,4 +1,4 @@
-"""Rigidity check: whether contacts on one pad move relative to each other, on pads whose contacts are not split.
+"""Rigidity check: whether contacts on one pad move relative to each other.
 
 The feet of a rigid object keep their distances. So the contacts of a pad are tracked (`segmentation.py`), and the
 distance between the centroids of any two is compared with what it was at first. If it has changed for some scans by
@@ -51,7 +51,9 @@ _DISTANCE = _Distance()
 
 
 class RigidityMonitor:
-    """Checks the pads whose contacts are not split; while none has several components there is nothing to check."""
+    """Checks all pads, as the rows of a pad are of all its load, also where its contacts are split; while none has
+    several components there is nothing to check.
+    """
 
     def __init__(self, layout: Layout, on: float, off: float, *, at_once: bool = False) -> None:
         """on, off: see `Conditioner.contact_on` and `contact_off`. at_once: compile what several components need now,
@@ -60,7 +62,7 @@ class RigidityMonitor:
         self._layout = layout
         self._single = True
         self._scans = np.zeros(len(layout.pads), dtype=np.int64)
-        pads = np.setdiff1d(np.arange(layout.pad_count), layout.contact_of)
+        pads = np.arange(layout.pad_count)
         self._tracker = ContactTracker(layout, pads, np.full(len(pads), _SLOTS), on, off) if len(pads) else None
         self._memory = Memory(
             pads=records(CheckedPad, len(pads)),
@@ -80,8 +82,11 @@ class RigidityMonitor:
 
     @property
     def notes(self) -> list[str]:
-        """A sentence for each pad on which contacts have moved apart, with the number of its scans since."""
+        """A sentence for each pad on which contacts that are not split have moved apart, with the number of its scans
+        since.
+        """
         own = self._memory.pads[self._memory.pads["change_m"] > 0.0]
+        own = own[~np.isin(own["pad"], self._layout.contact_of)]
         return [
             f"{name}: contacts moved apart or together by {1e3 * change_m:.2g} mm, which feet of one rigid object do "
             f"not: {scans} scans without an ok pose; if they move independently, --contacts {name}=2 separates them"
