@@ -257,3 +257,13 @@ def test_contacts_that_were_split_count_instead_of_their_pad(tmp_path: Path) -> 
     scans = [scan for scan in charts(page)[0]["scans"] if "slips" in scan["title"]]
     assert all("grid#" in scan["title"] for scan in scans)
     assert all(len(scan["arrows"]) == 2 for scan in scans)
+
+
+def test_slips_without_a_path_have_none_in_the_table(tmp_path: Path) -> None:
+    save(rigged("two-contacts"), tmp_path / "two.npz")
+    make_report([estimated(tmp_path / "two.npz", tmp_path / "result", "--method", "sum")], tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    slips, *moved = cells(page)[6:10]
+    assert int(slips) > 0
+    assert moved == ["-", "-", "-"]
+    assert "bands of one standard deviation, which describe the error of ok poses only" in page

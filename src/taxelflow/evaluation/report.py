@@ -200,7 +200,8 @@ def _moves(tracks: Sequence[Track], ran: Summary) -> list[str]:
     pads = {track.pad for track in tracks}
     contacts = [contact for contact in ran.contacts if contact.pad in pads]
     slips = sum(contact.slips for contact in contacts)
-    path_mm = sum(1e3 * contact.path_m for contact in contacts if contact.path_m is not None)
+    paths_mm = [1e3 * contact.path_m for contact in contacts if contact.path_m is not None]
+    path_mm, measured = sum(paths_mm), bool(paths_mm or not slips)
     slip_s = sum(contact.slip_s for contact in contacts)
     ok = known = border = touching = 0.0
     for track in tracks:
@@ -210,7 +211,8 @@ def _moves(tracks: Sequence[Track], ran: Summary) -> list[str]:
         border, touching = border + ran.pads[track.pad].border_share * count, touching + count
     speed = f"{path_mm / slip_s:.1f}" if slip_s > 0 else "-"
     shares = [f"{100 * part / all_:.0f}" if all_ else "-" for part, all_ in ((ok, known), (border, touching))]
-    return [str(len(contacts)), str(slips), f"{path_mm:.1f}", f"{slip_s:.2f}", speed, *shares]
+    moved = [f"{path_mm:.1f}", f"{slip_s:.2f}"] if measured else ["-", "-"]
+    return [str(len(contacts)), str(slips), *moved, speed, *shares]
 
 
 def _events(events: Sequence[tuple[Event, Shown]], zero_s: float) -> Sheet:
