@@ -102,7 +102,7 @@ def test_faults_of_the_sensor_deny_a_turn_though_a_fit_without_costs_far_more(
     unseen_error: float, denied: bool
 ) -> None:
     scanned = dome_on_uneven_taxels(unseen_error)
-    turning, straight = (hypotheses._coarse_fits(scanned, turns=turns)[0] for turns in (True, False))
+    turning, straight = (hypotheses._coarse_fits(scanned, [turns])[0] for turns in (True, False))
     found = hypotheses._rigid(scanned, [refined(scanned, turning)], [straight])
     assert (found.turns and found.shown) != denied
 

@@ -14,7 +14,7 @@ from taxelflow.estimation.template.initialization import FIRST_GAIN_STD, Increme
 from taxelflow.estimation.template.likelihood import FEWEST, cost, learned_error, touched
 from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE, REFUTED
-from taxelflow.estimation.template.rivals import agreement, apart_by_growth, apart_by_turn, reported
+from taxelflow.estimation.template.rivals import agreement, any_agrees, apart_by_growth, apart_by_turn, reported
 from taxelflow.estimation.template.scaling import SIZE_STD, centre, grown_starts
 from taxelflow.estimation.template.solution import Solved, normalize_gains
 from taxelflow.estimation.template.turning import (
@@ -50,7 +50,7 @@ def solve(scanned: Scanned, *, sinks: bool = False, known: Floats | None = None)
     after half a turn may converge there.
     """
     turns = [False] if scanned.across.any() else [False, True]
-    tried = [one for turn in turns for one in _coarse_fits(scanned, turns=turn)]
+    tried = _coarse_fits(scanned, turns)
     tried += [replace(one.copy(), turns=turn) for one in _grown(scanned, tried[0].states) for turn in turns]
     again = [] if known is None else _from_known(scanned, known, turns)
     kinds = {one.kind for one in again}
@@ -113,16 +113,18 @@ def _sunk(scanned: Scanned, solved: list[Solved], rigid: Solved) -> Solved:
     For this comparison each parameter of a scan is penalised like one of all readings, because depths may fit the noise
     of a short stroke; whether the object turns is then decided by the usual penalty. At a border, a rotation may
     compensate for missing heights. So heights are also fitted from the positions of each fit that turns, with the angle
-    held.
+    held, where these are not those of a fit with a constant angle.
     """
-    straight = [_straight(scanned, one) for one in solved if one.turns]
+    held = [one for one in solved if one.kind == (False, False)]
+    straight = [_straight(scanned, one) for one in solved if one.turns and not any_agrees(one, held, scanned)]
     straight = [one for one in straight if one.error <= REFUTED]
     level = [refined(scanned, one) for one in _as_heights(scanned, [*solved, *straight])]
-    deep = [refined(scanned, replace(one.copy(), depth=np.zeros(len(scanned)))) for one in _minima(level, scanned)]
+    deep = _sunk_in(level, scanned)
     clearly = 0.0
-    if straight:  # of more fits, one may be cheaper by chance
+    if len(held) < len(solved):  # of more fits, one may be cheaper by chance
         clearly = UNCONVERGED * len(scanned)
-        level += [refined(scanned, replace(one.copy(), depth=np.zeros(0))) for one in deep if not one.turns]
+        apart = [one for one in deep if not (one.turns or any_agrees(one, level, scanned))]
+        level += [refined(scanned, replace(one.copy(), depth=np.zeros(0))) for one in apart]
     prices = [min((cost(one, scanned, strict=True) for one in fits), default=np.inf) for fits in ([rigid], level, deep)]
     if min(prices) >= prices[0] - clearly:
         return rigid
@@ -134,6 +136,18 @@ def _as_heights(scanned: Scanned, solved: list[Solved]) -> list[Solved]:
     """Initial fits of patterns of heights, from those of pressure."""
     rigid = [one for one in solved if not one.grows] if len(scanned) >= ENOUGH_SCANS else []
     return [replace(one.copy(), pattern=as_heights(one.pattern), heights=True) for one in rigid]
+
+
+def _sunk_in(level: list[Solved], scanned: Scanned) -> list[Solved]:
+    """Fits of heights with a depth of each scan from those without, until one is no better for its depth: then the
+    contact does not sink in, whether the object turns or not.
+    """
+    deep = []
+    for one in _minima(level, scanned):
+        deep.append(refined(scanned, replace(one.copy(), depth=np.zeros(len(scanned)))))
+        if cost(deep[-1], scanned, strict=True) >= cost(one, scanned, strict=True):
+            break
+    return deep
 
 
 def _minima(fits: list[Solved], scanned: Scanned) -> list[Solved]:
@@ -192,16 +206,22 @@ def _chosen(solved: list[Solved], scanned: Scanned) -> Solved:
     return free[0] if known or turns_steadily(free[0], best, scanned) else best
 
 
-def _coarse_fits(scanned: Scanned, *, turns: bool) -> list[Solved]:
+def _coarse_fits(scanned: Scanned, turns: list[bool]) -> list[Solved]:
     """Coarse fits from several starts: states tracked from scan to scan, and with the centroid; of few scans, at a
-    steady velocity, too.
+    steady velocity, too. Where centroids are far worse places than those tracked, as of an object that covers the pad,
+    no fit that turns starts from them.
     """
-    mapper = IncrementalMapper(scanned, start_scan(scanned), turns=turns)
-    mapper.register_all()
-    starts = [mapper.states, centred(scanned, mapper.states)]
-    if _starts_differ(scanned):
-        starts.append(mapper.steady())
-    return [coarse(scanned, states, turns=turns) for states in starts]
+    fits: list[Solved] = []
+    for turn in turns:
+        mapper = IncrementalMapper(scanned, start_scan(scanned), turns=turn, coarse=True)
+        mapper.register_all()
+        starts = [mapper.states]
+        if not fits or cost(fits[1], scanned) - cost(fits[0], scanned) < _FAR_WORSE * len(scanned):
+            starts.append(centred(scanned, mapper.states))
+        if _starts_differ(scanned):
+            starts.append(mapper.steady())
+        fits += [coarse(scanned, states, turns=turn) for states in starts]
+    return fits
 
 
 def _from_known(scanned: Scanned, known: Floats, turns: list[bool]) -> list[Solved]:

@@ -47,10 +47,11 @@ FIRST_GAIN_STD = 0.3
 class IncrementalMapper:
     """Incremental estimate of the poses of a contact's scans, and of its pattern.
 
-    precision: (5,), see `Scanned.precision`, of each state, and from scan to scan.
+    precision: (5,), see `Scanned.precision`, of each state, and from scan to scan. coarse: a large map, see `LATTICE`,
+    is coarse, as its states are those from which a fit begins.
     """
 
-    def __init__(self, scanned: Scanned, start: int, *, turns: bool) -> None:
+    def __init__(self, scanned: Scanned, start: int, *, turns: bool, coarse: bool = False) -> None:
         self.scanned, self.start = scanned, start
         self.precision = scanned.precision(turns=turns, gain_std=FIRST_GAIN_STD)
         self._readings = scanned.with_error(COARSE)
@@ -61,7 +62,10 @@ class IncrementalMapper:
         self.done = [start]
         self.states[start, :2] = self._centroid[start]
         places = scanned.places[:, self._loaded[start]].T - self._centroid[start]
-        self.pattern = Pattern.covering(places, scanned.amplitude)
+        self._spacing, self.pattern = LATTICE.spacing, Pattern.covering(places, scanned.amplitude)
+        if coarse and self.pattern.coefficients.size > LATTICE.coarse_from:
+            self._spacing = LATTICE.coarse_spacing
+            self.pattern = Pattern.covering(places, scanned.amplitude, self._spacing)
         self._sum_up()
 
     def _sum_up(self) -> None:
@@ -120,7 +124,7 @@ class IncrementalMapper:
         reached = [in_object(self.scanned.places[:, self._loaded[j]].T, self.states[j]) for j in self.done]
         if k < len(self.scanned):
             reached.append(in_object(self.scanned.places[:, self._loaded[k]].T, self.states[k - 1]))
-        self.pattern = Pattern.covering(np.concatenate(reached), self.scanned.amplitude)
+        self.pattern = Pattern.covering(np.concatenate(reached), self.scanned.amplitude, self._spacing)
         self._sum_up()
 
     def register(self, k: int) -> tuple[Floats, float]:
@@ -173,11 +177,11 @@ class IncrementalMapper:
         if (places.min(axis=0) - near >= low).all() and (places.max(axis=0) + near <= high).all():
             return
         covered = np.vstack([low + LATTICE.margin, high - LATTICE.margin, places])
-        knots = (np.ptp(covered, axis=0) + 2 * LATTICE.margin) / LATTICE.spacing + 2 * BEYOND + 1
+        knots = (np.ptp(covered, axis=0) + 2 * LATTICE.margin) / self._spacing + 2 * BEYOND + 1
         if np.prod(knots) > LATTICE.most_knots:
             return
         smoothing = self.pattern.smoothing
-        self.pattern = Pattern.covering(covered, self.scanned.amplitude)
+        self.pattern = Pattern.covering(covered, self.scanned.amplitude, self._spacing)
         self.pattern.smoothing = smoothing
         self.done.remove(k)
         self._sum_up()

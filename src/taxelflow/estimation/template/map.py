@@ -22,6 +22,10 @@ class _Lattice(NamedTuple):
 
     spacing: float = 0.5
     """Distance of the knots, in pitches."""
+    coarse_spacing: float = 1.0
+    coarse_from: int = 1500
+    """The same of a map that scans are first registered to, if at the usual distance it has more knots than this: it is
+    solved after every third scan, by a factor whose time grows with the fourth power of the width."""
     margin: float = 1.5
     """Pitches around the loaded taxels that a pattern covers."""
     most_knots: int = 40_000
@@ -72,13 +76,16 @@ class Pattern:
     smoothing: float
 
     @classmethod
-    def covering(cls, places: Floats, amplitude: float) -> Pattern:
-        """A pattern of zeros over places (n, 2) that the object loads, and a margin around them."""
+    def covering(cls, places: Floats, amplitude: float, spacing: float = LATTICE.spacing) -> Pattern:
+        """A pattern of zeros over places (n, 2) that the object loads, and a margin around them.
+
+        spacing: distance of the knots, in pitches.
+        """
         places = places if len(places) else np.zeros((1, 2))
         low, high = places.min(axis=0) - LATTICE.margin, places.max(axis=0) + LATTICE.margin
-        count = np.ceil((high - low) / LATTICE.spacing).astype(int) + 2 * BEYOND + 1
+        count = np.ceil((high - low) / spacing).astype(int) + 2 * BEYOND + 1
         shape = (int(count[1]), int(count[0]))
-        lattice = np.array([LATTICE.spacing, low[0] - BEYOND * LATTICE.spacing, low[1] - BEYOND * LATTICE.spacing])
+        lattice = np.array([spacing, low[0] - BEYOND * spacing, low[1] - BEYOND * spacing])
         pattern = cls(lattice, np.zeros(shape), amplitude, np.full(shape, amplitude**2), 1.0)
         pattern.smoothing = pattern.usual_smoothing
         return pattern
@@ -90,8 +97,9 @@ class Pattern:
 
     @property
     def usual_smoothing(self) -> float:
-        """Smoothing a priori."""
-        return float((_SMOOTHING.roughness * self.amplitude) ** -2)
+        """Smoothing a priori: second differences grow with the square of the distance of the knots."""
+        coarser = (self.lattice[0] / LATTICE.spacing) ** 2
+        return float((_SMOOTHING.roughness * coarser * self.amplitude) ** -2)
 
     def learn_smoothing(self, bending: float, error: float) -> None:
         """As much smoothing as the pattern's own bending suggests, its squared second differences, in bounded steps.

@@ -42,30 +42,41 @@ def of_map(linear: Linear, precision: Floats) -> Floats:
     scans, knots = len(linear.normal.blocks), len(linear.normal.right)
     if scans * knots > _MOST:
         return np.zeros((scans, STATE, STATE))
-    fixed, pattern = np.isinf(precision), linear.pattern
+    free, pattern = np.isfinite(precision), linear.pattern
     linear.regularise()
     normal = linear.normal
     add_diagonal(normal.stencil, NEGLIGIBLE * normal.stencil.max())
-    whitening = np.asarray(np.linalg.inv(np.linalg.cholesky(normal.blocks)), np.float64)
-    whitening[:, fixed] = whitening[:, :, fixed] = 0.0
+    whitening = np.asarray(np.linalg.inv(np.linalg.cholesky(normal.blocks)), np.float64)[:, free]
+    whitening[:, :, ~free] = 0.0
     white = (whitening @ _crossed(normal, pattern.shape[1])).reshape(-1, knots).T
-    by_map = _excess(Factor(normal.stencil, pattern.shape[1]).whitened(white)).T.reshape(scans, STATE, -1)
-    back = whitening.transpose(0, 2, 1)
-    moved = back @ by_map  # its square is the covariance of the states by the map
-    own = moved @ moved.transpose(0, 2, 1)
     white_frame = pose_part(whitening)  # a change of the frame moves poses only
-    frame = back @ white_frame + moved @ np.einsum("kam,kab->mb", by_map, white_frame)
-    found: Floats = own - frame @ np.linalg.pinv(frame.sum(axis=0)[: frame.shape[2]]) @ frame.transpose(0, 2, 1)
+    blocks, moved = _excess(Factor(normal.stencil, pattern.shape[1]).whitened(white), white_frame)
+    back = whitening.transpose(0, 2, 1)
+    frame = back @ (white_frame + moved)
+    fixed_frame = frame @ np.linalg.pinv(frame.sum(axis=0)[: frame.shape[2]]) @ frame.transpose(0, 2, 1)
+    found: Floats = back @ blocks @ whitening - fixed_frame
     return found
 
 
-def _excess(x: Floats) -> Floats:
-    """(..., states), M with M^T M = (1 - X^T X)^-1 - 1. x: (knots, states)."""
+def _excess(x: Floats, along: Floats) -> tuple[Floats, Floats]:
+    """Of G = (1 - X^T X)^-1 - 1 the blocks (scans, free, free) on the diagonal, and G times along (scans, free, n).
+
+    x: (knots, scans free). With L L^T = 1 - X X^T, G is S^T S of S = L^-1 X. The same of X^T X instead of X is G less
+    X^T X: the smaller of the two matrices is factored.
+    """
     few_knots = len(x) <= x.shape[1]
     square = x @ x.T if few_knots else x.T @ x
     lower = cholesky(np.eye(len(square)) - square, lower=True, overwrite_a=True, check_finite=False)
-    solved = solve_triangular(lower, x if few_knots else square, lower=True, check_finite=False)
-    return np.asarray(solved if few_knots else np.vstack([x, solved]))
+    root = solve_triangular(lower, x if few_knots else square, lower=True, check_finite=False)
+    scans, free, _ = along.shape
+    parts = root.T.reshape(scans, free, -1)
+    blocks, flat = parts @ parts.transpose(0, 2, 1), along.reshape(scans * free, -1)
+    product = root.T @ (root @ flat)
+    if not few_knots:
+        own = np.arange(scans)
+        blocks += square.reshape(scans, free, scans, free)[own, :, own]
+        product += square @ flat
+    return blocks, product.reshape(along.shape)
 
 
 def _crossed(normal: Normal, nx: int) -> Floats:

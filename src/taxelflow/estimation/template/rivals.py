@@ -29,6 +29,13 @@ def agreement(best: Solved, other: Solved, *, most: float = _SAME) -> Bools:
     return agrees
 
 
+def any_agrees(solved: Solved, others: list[Solved], scanned: Scanned) -> bool:
+    """Whether another fit reports the object where this one does, in all scans, one offset taken off."""
+    places = reported(solved, scanned)
+    apart = [reported(one, scanned) - places for one in others]
+    return any(float(np.hypot(*(one - np.median(one, axis=0)).T).max()) < _SAME for one in apart)
+
+
 def apart_by_turn(best: Solved, rival: Solved) -> Floats:
     """(scans, 3), `distance` of two hypotheses, of which one turns, and in rad their angle, one constant taken off."""
     turn = np.unwrap(states_of((best if best.turns else rival).states).theta)

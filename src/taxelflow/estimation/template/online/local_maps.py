@@ -205,8 +205,7 @@ class LocalMaps:
         m.error, m.usual, m.radius = learned.error, learned.usual, learned.radius
         m.amplitude = learned.scanned.amplitude
         self.gains.put(pad, learned.gains)
-        m.turns = learned.turns
-        m.gain_std = learned.loose_gain_std
+        m.turns, m.gain_std = learned.turns, learned.loose_gain_std
         m.changing, m.seen, m.grows = learned.changing, learned.reports_turn, learned.grows or m.grows
         m.slack, m.slack_t = learned.slack + learned.unseen
         m.learned_s = learned.until_s

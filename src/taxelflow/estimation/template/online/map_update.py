@@ -230,7 +230,7 @@ def _again(known: LocalMap, scanned: Scanned, states: Floats) -> Solved:
 def _retraced(scanned: Scanned, *, turns: bool) -> Floats:
     """States (n, 5) of keyframes, one registered after the other as in a batch."""
     own = scanned.taken(np.arange(len(scanned)))
-    mapper = IncrementalMapper(own, start_scan(own), turns=turns)
+    mapper = IncrementalMapper(own, start_scan(own), turns=turns, coarse=True)
     mapper.register_all()
     return mapper.states
 
