@@ -251,6 +251,15 @@ def test_a_finding_is_in_the_sensors_unit_and_words() -> None:
     assert found.words == "taxel 9 (pad0, row 1, col 2) stuck at 20 kPa in 300 scans"
 
 
+def test_a_pad_that_is_silent_as_a_whole_has_one_line() -> None:
+    sensor = grid_sensor(4, 7)
+    values = np.full((300, 28), np.nan)
+    values[::3, 3] = 0.0
+    pad = check_up(recorded(values, sensor)).pads[0]
+    assert len(pad.findings) == 28
+    assert pad.faults == ["all 28 taxels of pad0 silent in 67 % or more of 300 scans"]
+
+
 @pytest.mark.long
 def test_a_real_recording_is_well(recordings: Path) -> None:
     checkup = check_up(read(recordings / "sdh-dsa" / "slip_examples_pen_and_wooden_block.dsa"))

@@ -266,4 +266,4 @@ def test_slips_without_a_path_have_none_in_the_table(tmp_path: Path) -> None:
     slips, *moved = cells(page)[6:10]
     assert int(slips) > 0
     assert moved == ["-", "-", "-"]
-    assert "bands of one standard deviation, which describe the error of ok poses only" in page
+    assert "bands of one standard deviation where they are ok" in page

@@ -81,6 +81,15 @@ class PadCheckup(msgspec.Struct, frozen=True):
     """One letter a place, row by row: o well, . never loaded, F reached full scale, ! faulty, x masked; blank where
     there is no taxel."""
 
+    @property
+    def faults(self) -> list[str]:
+        """The findings in words, one for each taxel, or one for a pad that is silent as a whole."""
+        silent = [found for found in self.findings if found.fault == "silent"]
+        if len(silent) < max(self.taxels, 2):
+            return [found.words for found in self.findings]
+        share, scans = min(found.value for found in silent), silent[0].scans
+        return [f"all {self.taxels} taxels of {self.name} silent in {100 * share:.0f} % or more of {scans} scans"]
+
 
 class Checkup(msgspec.Struct, frozen=True):
     """A whole recording."""

@@ -44,8 +44,8 @@ def show_checkup(checkup: Checkup) -> None:
         console.print(maps)
         meanings = f"{meanings}\n{digits}"
     console.print(meanings, style="dim")
-    for finding in (finding for pad in checkup.pads for finding in pad.findings):
-        console.print(f"faulty: {finding.words}", style="yellow", soft_wrap=True)
+    for fault in (fault for pad in checkup.pads for fault in pad.faults):
+        console.print(f"faulty: {fault}", style="yellow", soft_wrap=True)
 
 
 def _pads_table(checkup: Checkup) -> tuple[Table, str]:

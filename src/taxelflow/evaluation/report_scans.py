@@ -109,7 +109,7 @@ def health_of(ran: Summary, recording: Recording | None) -> Health:
     )
     masked = [taxel for taxel, mark in enumerate(marks) if mark == "x"]
     picture = {"shades": shades(peak, masked), "marks": "".join(marks), "caption": caption}
-    findings = [finding.words for pad in found.pads for finding in pad.findings]
+    findings = [fault for pad in found.pads for fault in pad.faults]
     return Health(Sheet(heading, rows, [bool(pad.findings) for pad in found.pads]), findings, picture)
 
 

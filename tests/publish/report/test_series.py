@@ -89,3 +89,14 @@ def test_scans_are_put_together_until_they_fit(most_bytes: float, width: int) ->
     for index, ends in zip((own["lo"], own["hi"]), binned(1e3 * walk.numbers["x_m"], width), strict=True):
         np.testing.assert_allclose(series[index], ends, atol=0.0051)
     assert "theta" not in chart["tracks"]["pad"]
+
+
+def test_bands_are_those_of_ok_poses() -> None:
+    ok = np.arange(10) < 4
+    walk = track(np.linspace(0.0, 1e-3, 10), np.zeros(10), pad="pad", ok=ok)
+    walk.numbers.update({name: np.full(10, 1e-4) for name in ("std_x_m", "std_y_m", "std_theta_rad", "load_pa")})
+    walk.numbers["theta_rad"] = np.full(10, np.nan)
+    chart = result_chart([walk], [], 0.0, {"label": "mine"}, 1e6)
+    series, own = unpacked(chart["packed"]), chart["tracks"]["pad"]["x"]
+    np.testing.assert_array_equal(np.isfinite(series[own["std"]]), ok)
+    assert np.isfinite(series[own["lo"]]).all()

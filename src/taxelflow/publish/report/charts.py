@@ -87,6 +87,7 @@ def _quantities(track: Track, packer: Packer, width: int) -> dict[str, dict[str,
     scales = (("x", "x_m", 1e3, _ROUNDED.position_mm), ("y", "y_m", 1e3, _ROUNDED.position_mm))
     for name, column, scale, step in (*scales, ("theta", "theta_rad", 180 / np.pi, _ROUNDED.turn_deg)):
         values, std = scale * track.numbers[column], scale * track.numbers[f"std_{column}"]
+        std = np.where(track.flags["ok"], std, np.nan)  # of others the band is not the error
         if np.isfinite(values).any():
             found[name] = _bins(values, step, packer, width)
             found[name]["std"] = packer.add_log(binned(std, width)[1])
