@@ -70,13 +70,21 @@ def test_idle_numbers_far_below_0_are_noted_where_they_hide_the_contact(tmp_path
     assert not any(one.startswith("no contact") for one in notes_of(path, grid_sensor(4, 7, unit="count", offset=-150)))
 
 
-def test_a_load_taken_for_the_offset_of_a_stream_is_noted(tmp_path: Path) -> None:
-    sensor = grid_sensor(4, 4, unit="count", pitch_m=(0.004, 0.004))
-    random = np.random.default_rng(2)
-    steps = np.concatenate([np.zeros(60), np.linspace(0, 0.006, 60)])
-    values = np.array([dome(sensor, x + 0.001, 0.002, peak=400.0 - 3e4 * x, radius_m=0.0035) for x in steps]) + 20
-    path = save(tmp_path / "a.npz", np.round(values + random.normal(0, 2, values.shape)))
-    notes = estimate(read(path, sensor), mode="stream").summary.notes
+@pytest.mark.parametrize(("spread", "noted"), [(0.0, False), (100.0, True)])
+@pytest.mark.parametrize("mode", ["batch", "stream"])
+def test_a_load_that_offsets_may_hold_is_noted(spread: float, noted: bool, mode: Any, tmp_path: Path) -> None:
+    random = np.random.default_rng(4)
+    values = spread * random.uniform(0, 1, 28) + random.normal(0, 2, (200, 28))
+    notes = estimate(read(save(tmp_path / "a.npz", values), PALM), mode=mode).summary.notes
+    (note,) = [one for one in notes if one.startswith("no contact")]
+    assert ("a load at rest from first to last scan would be part of the offsets" in note) == noted
+
+
+def test_readings_as_far_below_idle_as_above_are_noted(tmp_path: Path) -> None:
+    values = 20 + np.random.default_rng(2).normal(0, 2, (120, 28))
+    values[60:, 3] += 40.0
+    values[60:, 17] -= 60.0
+    notes = estimate(read(save(tmp_path / "a.npz", values), PALM), mode="stream").summary.notes
     (note,) = [one for one in notes if one.startswith("no contact")]
     assert "if an object lay on the pad at the start, its load is missing" in note
     assert note.endswith("declare full_scale in the sensor file")

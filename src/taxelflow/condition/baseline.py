@@ -10,6 +10,7 @@ import numpy as np
 
 from taxelflow.condition.converter import MIN_NOISE_SHARE, are_whole, lowest_reading
 from taxelflow.condition.health import Finding, find_faults
+from taxelflow.condition.held_load import holds_load
 from taxelflow.condition.noise import estimate_noise
 from taxelflow.condition.resting import near_taxels
 from taxelflow.condition.tare import Offsets, find_offsets
@@ -33,7 +34,8 @@ class Baseline:
     offset, noise: (taxels,), of readings before any filter. offset_std: (taxels,), standard deviation of the offset's
     error; inf where the offset is unknown. known: (taxels,), whether the offset is from the taxel's own scans. tared:
     (pads,), without groups, whether any offset of a pad is. masked: (taxels,), declared off, without any reading, stuck
-    at a load, or masked by option. findings: faulty taxels, masked or not.
+    at a load, or masked by option. findings: faulty taxels, masked or not. withdrawn: (pads,), without groups, whether
+    a stream's first offsets of a pad turned out to hold a load.
     """
 
     offset: Floats
@@ -43,6 +45,7 @@ class Baseline:
     tared: Bools
     masked: Bools
     findings: tuple[Finding, ...]
+    withdrawn: Bools
 
 
 def estimate_baseline(
@@ -62,6 +65,7 @@ def estimate_baseline(
         tared=np.zeros(layout.pad_count, dtype=np.bool_),
         masked=masked,
         findings=findings,
+        withdrawn=np.zeros(layout.pad_count, dtype=np.bool_),
     )
     return _with_offsets(parameters, sensor, sample, nothing, causal=causal)
 
@@ -84,7 +88,11 @@ def _with_offsets(
     Offsets that would change by less than the noise stay: a new offset interrupts the motion of its pad.
     """
     layout, windows = sensor.layout, sample.windows
-    if parameters.tare == "none" or not len(windows) or (before.known | before.masked).all():
+    if parameters.tare == "none" or not len(windows):
+        return before
+    if causal:
+        before = _without_loads(parameters, sensor, windows, before)
+    if (before.known | before.masked).all():
         return before
     scale = sensor.full_scale * sensor.to_si if sensor.full_scale else np.inf
     reference = scale
@@ -119,6 +127,30 @@ def _with_offsets(
     if np.array_equal(offset, before.offset):
         offset = before.offset
     return replace(before, offset=offset, offset_std=std, known=known, tared=tared)
+
+
+def _without_loads(parameters: ConditionSettings, sensor: Sensor, windows: Floats, before: Baseline) -> Baseline:
+    """The baseline without the offsets of pads that hold a load, by what the stream has read since.
+
+    Where offsets follow the drift, windows of before say nothing about them.
+    """
+    if parameters.tare != "auto" or parameters.drift == "follow" or not before.tared.any():
+        return before
+    withdrawn: Bools = np.zeros_like(before.tared)
+    for pad in np.flatnonzero(before.tared):
+        own = sensor.layout.of_pad(int(pad))
+        withdrawn[pad] = holds_load(before.offset[own], windows[:, :, own], before.noise[own], before.masked[own])
+    if not withdrawn.any():
+        return before
+    taxels = np.repeat(withdrawn, np.diff(sensor.layout.starts[: sensor.layout.pad_count + 1]))
+    return replace(
+        before,
+        offset=np.where(taxels, 0.0, before.offset),
+        offset_std=np.where(taxels & ~before.masked, np.inf, before.offset_std),
+        known=before.known & ~taxels,
+        tared=before.tared & ~withdrawn,
+        withdrawn=before.withdrawn | withdrawn,
+    )
 
 
 def with_masked(masked: Bools, taxels: Iterable[int]) -> Bools:

@@ -32,7 +32,7 @@ class Sample:
 
     def __init__(self, taxels: int, *, forgets: bool = False) -> None:
         """forgets: while no reading has ever changed, hold the first window only: the others show nothing more."""
-        self.windows_seen = 0
+        self.windows_seen = self._doubled_from = 0
         self._alike = forgets
         self._most = max(2, min(WINDOWS.most, _MOST_BYTES // (8 * WINDOWS.scans * max(taxels, 1))))
         self._random = np.random.default_rng(0)  # a replay draws the same windows
@@ -42,6 +42,7 @@ class Sample:
         self._starts_s: list[float] = []
         self._room = np.empty((WINDOWS.scans, taxels))
         self._open, self._open_s = self._room[:0], 0.0
+        self._newest = 0.0, self._room
 
     @property
     def windows(self) -> Floats:
@@ -69,8 +70,12 @@ class Sample:
 
     @property
     def until_doubled(self) -> int:
-        """Scans until there will have been 1, 2, 4, 8, ... windows. While windows are alike, only the first counts."""
-        return ((1 << self.windows_seen.bit_length()) - self.windows_seen - 1) * WINDOWS.scans + self.remaining
+        """Scans until there will have been 1, 2, 4, 8, ... windows, since the last restart if there was any.
+
+        While windows are alike, only the first counts.
+        """
+        seen = self.windows_seen - self._doubled_from
+        return ((1 << seen.bit_length()) - seen - 1) * WINDOWS.scans + self.remaining
 
     def add(self, t_s: Floats, values: Floats) -> None:
         """Take (scans, taxels) in time order."""
@@ -93,6 +98,21 @@ class Sample:
         if len(self._open):
             self._open_s = float(t_s[whole])
 
+    def completed(self, values: Floats) -> tuple[Floats, int]:
+        """The windows that scans (scans, taxels) would complete, and how many of their scans are here already."""
+        held = len(self._open)
+        full = (held + len(values)) // WINDOWS.scans
+        joined = np.concatenate([self._open, values[: full * WINDOWS.scans - held]])
+        return joined.reshape(full, WINDOWS.scans, values.shape[1]), held
+
+    def restart(self) -> None:
+        """Double from 1 again, and hold the newest full window, whether or not it was drawn: it shows a change."""
+        self._doubled_from = self.windows_seen
+        start_s, window = self._newest
+        if self._windows and not any(one is window for one in self._windows):
+            place = int(self._random.integers(len(self._windows)))
+            self._windows[place], self._starts_s[place] = window, start_s
+
     def snapshot(self) -> Sample:
         """A copy that later scans leave as it is, made at once however much it holds."""
         held = copy(self)
@@ -113,11 +133,13 @@ class Sample:
         if self._alike and self.windows_seen:
             return
         place = self.windows_seen
+        window = window.copy()
+        self._newest = start_s, window
         if self.windows_seen >= self._most:
             place = int(self._random.integers(self.windows_seen + 1))
         if place < len(self._windows):
-            self._windows[place], self._starts_s[place] = window.copy(), start_s
+            self._windows[place], self._starts_s[place] = window, start_s
         elif place < self._most:
-            self._windows.append(window.copy())
+            self._windows.append(window)
             self._starts_s.append(start_s)
         self.windows_seen += 1

@@ -12,13 +12,14 @@ from taxelflow.condition.baseline import Baseline, estimate_baseline, with_maske
 from taxelflow.condition.blocks import Blockwise, condition_block, deduplicate_block
 from taxelflow.condition.contact import Conditioned, Zeroed, condition, pad_contacts
 from taxelflow.condition.deduplicate import Counts, Deduplicator, NewScans, deduplicate
+from taxelflow.condition.held_load import FallWatch, withdrawn_note
 from taxelflow.condition.relearning import Relearning
 from taxelflow.condition.sample import Sample
 from taxelflow.condition.shear import ShearTare
 from taxelflow.condition.units import SATURATED_SHARE, full_scale, in_si
 from taxelflow.condition.unloaded import falls_under_load, no_contact
 from taxelflow.errors import RecordingError
-from taxelflow.messages import Bools, RawScans, Scans, joined
+from taxelflow.messages import Bools, Floats, RawScans, Scans, joined
 from taxelflow.runtime.settled import Settled
 
 if TYPE_CHECKING:
@@ -57,6 +58,9 @@ class ConditionSession:
         self._changed: Bools | None = None
         self._filters: Filters | None = None
         self._shear = ShearTare(sensor, tared=parameters.tare != "none")
+        self._watch = FallWatch() if parameters.tare == "auto" and parameters.drift == "keep" else None
+        self._withdrawn_s: dict[str, float] = {}
+        self._newest_s = float("nan")
         self._drift: DriftTracker | None = None
         if parameters.drift == "follow":
             from taxelflow.condition.drift import DriftTracker
@@ -109,9 +113,11 @@ class ConditionSession:
                 if not count:
                     self._relearning.adopt(float(rest.t_s[0]))
                     continue
+            count, fell = self._until_fall(rest.values[:count])
             piece, rest = rest.split(count)
             full, seen = self.sample.until_doubled == count, self.sample.windows_seen
             self.sample.add(piece.t_s, piece.values)
+            self._newest_s = float(piece.t_s[-1])
             full = full and self.sample.windows_seen > seen
             if self.baseline is None:
                 self._held.append(piece)
@@ -119,12 +125,25 @@ class ConditionSession:
                     yield from self.finish()
                 continue
             yield from self._condition(piece)
-            if full and self._relearning.free:  # after 2, 4, 8, ... windows: bounded work
+            if (full or fell) and self._relearning.free:  # after 2, 4, 8, ... windows: bounded work
                 now_s = float(piece.t_s[-1])
+                if fell:
+                    self.sample.restart()
                 self._relearning.adopt(now_s)
                 self._relearning.begin(self.sample, self.baseline, now_s)
                 if self._drift:  # it changes the offsets meanwhile
                     self._relearning.adopt(now_s)
+
+    def _until_fall(self, values: Floats) -> tuple[int, bool]:
+        """Scans (scans, taxels) until a window ends whose readings fall below the offsets, or all. Whether one does."""
+        count = len(values)
+        if self._watch is None or self.baseline is None or count < self.sample.remaining:
+            return count, False
+        windows, open_scans = self.sample.completed(values)
+        found = self._watch.find(windows, self.baseline)
+        if found is None:
+            return count, False
+        return (found + 1) * windows.shape[1] - open_scans, True
 
     def finish(self) -> Iterator[Scans]:
         """The first scans of a stream, if it ended before there were enough for a baseline."""
@@ -141,7 +160,7 @@ class ConditionSession:
             return []
         falls = falls_under_load(windows, learned, self._sensor.polarity)
         without = [] if touched else [no_contact(windows, learned, self._sensor, self._parameters.contact_on)]
-        return without + ([falls] if falls else [])
+        return [note for note in (*without, falls, withdrawn_note(self._withdrawn_s)) if note]
 
     def sampled(self) -> Iterator[Scans]:
         """The windows of the sample and its tail, tared, with contact, each at the time of its first scan.
@@ -175,6 +194,8 @@ class ConditionSession:
         changed = (baseline.masked & ~before.masked) | (baseline.offset != before.offset)
         if changed.any():
             self._changed = np.logical_or.reduceat(changed[self._layout.source], self._layout.starts[:-1])
+        for pad in np.flatnonzero(baseline.withdrawn & ~before.withdrawn):
+            self._withdrawn_s[self._layout.pads[pad]] = self._newest_s
         if self._drift and baseline.offset is not before.offset:
             self._drift.restart(baseline)
         self._set_baseline(baseline)

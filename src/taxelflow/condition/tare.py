@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxelflow.condition.converter import MIN_NOISE_SHARE
+from taxelflow.condition.held_load import holds_load
 from taxelflow.condition.resting import NEAR_LOAD_SHARE, far_from_loads, find_rest
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.centroid import LOADED
@@ -188,7 +189,7 @@ def find_offsets(
     )
     idle = idle_windows(windows, noise, masked)
     mean = estimate_offset(idle, noise, masked, neighbours, scale)
-    if mean is None:
+    if mean is None or holds_load(mean, windows, noise, masked):
         if not np.isfinite(reference):  # something is loaded: what a stream has read by now shows how far
             reference = float(np.max(windows, initial=0.0, where=np.isfinite(windows)))
         return at_rest(windows.reshape(-1, windows.shape[2]), reference=reference)

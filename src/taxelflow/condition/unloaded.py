@@ -70,7 +70,16 @@ def no_contact(windows: Floats, learned: Baseline, sensor: Sensor, contact_on: f
             "object lay on the pad at the start, its load is missing; start without it, or declare full_scale in the "
             "sensor file"
         )
-    return f"{seen}; contact begins at {limit}"
+    spread = to_unit * _spread(learned, sensor)
+    hidden = f"; a load at rest from first to last scan would be part of the offsets, which differ by {spread:.4g}"
+    return f"{seen}; contact begins at {limit}{hidden if spread > contact_on * noise else ''}"
+
+
+def _spread(learned: Baseline, sensor: Sensor) -> float:
+    """From the lowest to the largest offset of a pad, at most."""
+    pads = [sensor.layout.of_pad(pad) for pad in range(sensor.layout.pad_count)]
+    offsets = [learned.offset[own][~learned.masked[own]] for own in pads]
+    return max(float(np.ptp(one)) for one in offsets if one.size)
 
 
 def falls_under_load(windows: Floats, learned: Baseline, polarity: int) -> str:
