@@ -21,7 +21,7 @@ from taxelflow.publish.sinks.base import Ending, Head, Update
 from taxelflow.publish.sinks.lines import scan_texts
 from taxelflow.publish.summary import Totals
 from taxelflow.runtime.signals import Signals
-from taxelflow.runtime.threads import quick_turns
+from taxelflow.runtime.threads import quick_turns, short_collections
 
 if TYPE_CHECKING:
     import threading
@@ -227,11 +227,11 @@ class _Estimate:
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Threads that take turns quickly, and no garbage collection of what is there before the first scan."""
+    """Threads that take turns quickly, and short garbage collections: none of what is there before the first scan."""
     gc.collect()
     gc.freeze()
     try:
-        with quick_turns():
+        with quick_turns(), short_collections():
             yield
     finally:
         gc.unfreeze()
