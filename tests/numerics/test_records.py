@@ -67,3 +67,15 @@ def test_writing_to_a_records_field_writes_to_the_array() -> None:
     held = records(Point, 3)
     record(Point, held, 1).y = 2.0
     assert held["y"].tolist() == [0.0, 2.0, 0.0]
+
+
+def test_fields_are_read_as_numbers_and_views_of_arrays() -> None:
+    held = records(Outer, 2)
+    one = record(Outer, held, 1)
+    one.count, one.known, one.matrix[0, 1] = 3, True, 5.0
+    one.inner.place = np.array([1.0, 2.0, 3.0])
+    assert (int(held["count"][1]), bool(held["known"][1]), held["matrix"][1, 0, 1]) == (3, True, 5.0)
+    assert held["inner"]["place"].tolist() == [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]]
+    held[1] = np.zeros((), held.dtype)
+    assert not (one.count or one.known or one.matrix.any() or one.inner.place.any())
+    assert isinstance(one.count, np.integer)

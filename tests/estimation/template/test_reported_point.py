@@ -28,12 +28,14 @@ from taxelflow.numerics.records import record, records
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from taxelflow.numerics.records import Records
+
 
 AVERAGE = Anchor(np.array([0.3, -0.1]), 0.0, np.array([0.2, 0.1]), np.zeros(0), np.zeros((0, 2)))
 
 
-def track() -> Track:
-    m = record(Track, records(Track, 1), 0)
+def track(held: Records | None = None) -> Track:
+    m = record(Track, records(Track, 1) if held is None else held, 0)
     m.state[:] = [1.0, 2.0, 0.5, 1.0, 0.0]
     m.theta_0, m.arm_load = 0.2, 1.0
     return m
@@ -107,11 +109,11 @@ def test_a_map_in_another_frame_moves_no_point_and_its_steps_count_up_to_one_loa
 
 @pytest.mark.parametrize(("probation", "flag"), [(0.0, NOVEL), (1.0, NOTHING)])
 def test_a_faint_map_learns_from_a_loud_scan_only_where_it_surely_is(probation: float, flag: int) -> None:
-    layout = grid_sensor(8, 8).layout
-    m = track()
+    layout, held = grid_sensor(8, 8).layout, records(Track, 1)
+    m = track(held)
     m.keyframes, m.probation, m.usual, m.count, m.radius = 10, probation, 1.0, 20.0, 1.0
     m.state[3] = 2.0 * FAINT
     m.doubted[:] = m.step[:] = 1e4 * np.eye(5)
     rows = room_for(no_scans(layout.entries, 1, 1))
-    compiled(report)(0.0, 0, 0, 0.003, 0.05, m, hand_of(layout).room, rows)
+    compiled(report)(0.0, 0, 0, 0.003, 0.05, held[0], hand_of(layout).room, rows)
     assert m.flag == flag

@@ -68,7 +68,7 @@ class LocalMaps:
         self.stored = Patterns(np.zeros((pads, 8, 8)), np.zeros((pads, 8, 8)), np.zeros((4, layout.entries)))
         self.learners = [Learner(name, workers, latency_s, adopting) for name in layout.pads]
         self.ended = Ended(workers.mapper, at_once=adopting.waits)
-        self._waits = adopting.waits
+        self._waits, self._blank = adopting.waits, np.zeros((), self.tracks.dtype)
         self._last = Scan(0.0, *(np.zeros(layout.entries),) * 4, np.zeros(pads, np.bool_))
         self.gains = HandGains(layout)
         self._across = np.zeros((pads, 2), dtype=np.bool_)  # of the taxels that are not masked
@@ -127,7 +127,7 @@ class LocalMaps:
 
     def begin(self, pad: int, scan: Scan) -> None:
         """A new contact: a pattern known from before, or else a new one from its first scan."""
-        self.tracks[pad] = np.zeros((), self.tracks.dtype)
+        self.tracks[pad] = self._blank
         self.learners[pad].reported.clear()
         own, first = self.learners[pad], self._first(pad, scan)
         if self._waits:
