@@ -1,8 +1,9 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from taxelflow.numerics.robust import gate, huber_weight
+from taxelflow.numerics.robust import gate, huber_weight, quantile
 from taxelflow.runtime.compiling import kernel
 
 
@@ -23,3 +24,12 @@ def test_the_gate_leaves_a_margin_that_shrinks_with_the_number_of_readings(
     expected: float, count: float, bound: float
 ) -> None:
     assert gate(expected, float(count)) == pytest.approx(bound)
+
+
+def test_a_quantile_is_that_of_numpy_bit_for_bit() -> None:
+    random = np.random.default_rng(0)
+    for count in [1, 2, 3, 10, 11, 60] * 20:
+        values = random.normal(size=count) * 10.0 ** random.integers(-5, 9)
+        share = float(random.choice([0.0, 0.1, 0.5, 0.9, 1.0]))
+        assert quantile(values, share) == np.quantile(values, share)
+    assert np.isnan(quantile(np.array([1.0, np.nan, 2.0]), 0.5))

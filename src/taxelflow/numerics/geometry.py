@@ -27,7 +27,9 @@ def rotation(theta: Floats | float) -> Floats:
 def turned(arms: Floats, angles: Floats | float) -> Floats:
     """Arms (..., 2), turned by angles (...), rad, anticlockwise."""
     x, y, cos, sin = arms[..., 0], arms[..., 1], np.cos(angles), np.sin(angles)
-    found: Floats = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    along = cos * x - sin * y
+    found: Floats = np.empty((*along.shape, 2))  # `np.stack` takes longer than all else
+    found[..., 0], found[..., 1] = along, sin * x + cos * y
     return found
 
 

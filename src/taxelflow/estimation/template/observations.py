@@ -12,6 +12,7 @@ from taxelflow.numerics.bspline import pose_part
 from taxelflow.numerics.centroid import LOADED
 from taxelflow.numerics.clock import ROUNDING_S
 from taxelflow.numerics.cut import IN_LINE
+from taxelflow.numerics.robust import quantile
 from taxelflow.numerics.rounding import SIGNIFICANT
 
 if TYPE_CHECKING:
@@ -140,7 +141,7 @@ class Scanned:
         a single reading may be wrong.
         """
         largest = self.readings.max(axis=1, initial=0.0, where=self.variance > 0)
-        return float(np.quantile(largest, LARGEST)) or 1.0
+        return quantile(largest, LARGEST) or 1.0
 
     @property
     def reach(self) -> float:

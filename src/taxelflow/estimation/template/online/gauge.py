@@ -25,6 +25,8 @@ from taxelflow.numerics.records import Records, records
 from taxelflow.numerics.rounding import BLURRED
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.online.keyframes import Keyframes
@@ -120,7 +122,7 @@ class Reported:
         Others leave the time that they stand for to the nearest.
         """
         places, times = self.places, self.places["t_s"]
-        kept = np.isin(times, t_s) | (times > t_s[-1])
+        kept = (t_s[_numbers(t_s, times)] == times) | (times > t_s[-1])
         if not kept.any():
             return
         left, gone = places[kept], places[~kept]
@@ -135,7 +137,7 @@ class Reported:
         variance exceeds that reported, along x and y, mean; None if none was reported.
         """
         places, times = self.places, keyframes.scanned.t_s
-        number = np.minimum(np.searchsorted(times, places["t_s"]), len(times) - 1)
+        number = _numbers(times, places["t_s"])
         known = np.flatnonzero(times[number] == places["t_s"])
         if not len(known):
             return None
@@ -149,6 +151,11 @@ class Reported:
         mean: Floats = np.average(gaps, axis=0, weights=shares)
         excess = float(np.average(np.sum((gaps - mean) ** 2, axis=1) - found["variance"], weights=shares))
         return mean, 0.5 * max(excess, 0.0)
+
+
+def _numbers(times: Floats, t_s: Floats) -> NDArray[np.int64]:
+    """(n,), of those times, in order, that t_s (n,) equal if any does."""
+    return np.minimum(np.searchsorted(times, t_s), len(times) - 1)
 
 
 def has_own_frame(m: Track) -> bool:
