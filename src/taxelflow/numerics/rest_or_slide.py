@@ -26,6 +26,7 @@ from taxelflow.numerics.rounding import SIGNIFICANT
 from taxelflow.numerics.slid import SAME, UNKNOWNS, Pair, Skin, fit_surface, room_for, slide
 from taxelflow.numerics.sunk_and_tilted import find_centre, freedom, squares_at_rest
 from taxelflow.runtime.compiling import kernel, lean_kernel, routine
+from taxelflow.runtime.settled import Settled
 
 _MOST_TAXELS = 100
 """Taxels that decide, evenly spread over a large contact."""
@@ -110,7 +111,7 @@ def compare(
     pitches and rad, where the fit of the slide begins, beside the place before. sinks: whether a slide may sink.
     gain_error: standard deviation of the taxels' gains, relative.
     """
-    return Unexplained(*_compare(skin, before, after, noise, moved, sinks, gain_error))
+    return Unexplained(*_settled_compare(skin, before, after, noise, moved, sinks, gain_error))
 
 
 @kernel
@@ -145,6 +146,9 @@ def _compare(
     pressed = _pressed(before, after, chosen)
     free_pressed = freedom(len(chosen), 1)
     return best, rest, rest_of_all, x, y, freedom(known, UNKNOWNS + sinks), free, share, errors, pressed, free_pressed
+
+
+_settled_compare = Settled(_compare)
 
 
 @lean_kernel
@@ -197,7 +201,7 @@ class Overlap(NamedTuple):
 
 def overlap(skin: Skin, before: Floats, after: Floats) -> Overlap:
     """Of patterns (taxels,); the way is in pitches, NaN without load."""
-    return Overlap(*_overlap(skin, before, after))
+    return Overlap(*_settled_overlap(skin, before, after))
 
 
 @kernel
@@ -214,3 +218,6 @@ def _overlap(skin: Skin, before: Floats, after: Floats) -> tuple[bool, bool, flo
         old_load, old_x, old_y = old_load + old, old_x + old * skin.places[0, i], old_y + old * skin.places[1, i]
     covers, comparable = smallest > LOADED.skirt * max(was, now), load > 0.0 and held >= SAME * load
     return covers, comparable, x / load - old_x / old_load, y / load - old_y / old_load
+
+
+_settled_overlap = Settled(_overlap)

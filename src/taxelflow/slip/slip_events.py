@@ -9,7 +9,7 @@ was withdrawn keeps the scans before that stop.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from math import cos, isnan, nan, sin
 from typing import TYPE_CHECKING
 
@@ -69,12 +69,13 @@ class SlipEvents:
                 self._hold(slips, slipping, tuple(self._open), 0, len(slips))
             self._pass(slips)
             return []
-        own: dict[int, list[_Held]] = {number: [] for number in self._open}
+        own: dict[int, list[_Held]] = {}
         for event in events:
             held = _Held(event)
             self._held.append(held)
             if event.event in ("slip_start", "slip_stop"):
                 own.setdefault(self._numbers[event.pad], []).append(held)
+        self._hold(slips, slipping, tuple(self._open.keys() - own.keys()), 0, len(slips))
         for pad, changes in own.items():
             done = 0
             for held in changes:
@@ -185,4 +186,5 @@ def _with_motion(event: Event, motion: SlipMotion) -> Event:
     if isnan(motion.speed_m_s):
         return replace(event, duration_s=motion.duration_s, std_duration_s=motion.std_duration_s)
     turn_rad_s = motion.turn_rad / motion.duration_s if not isnan(motion.turn_rad) else nan
-    return replace(event, turn_rad_s=turn_rad_s, **asdict(motion))
+    known = {name: getattr(motion, name) for name in SlipMotion.__match_args__}  # `asdict` takes ten times as long
+    return replace(event, turn_rad_s=turn_rad_s, **known)

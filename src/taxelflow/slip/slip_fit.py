@@ -21,6 +21,7 @@ from taxelflow.numerics.records import Records, Vector, records
 from taxelflow.numerics.rounding import BLIND_M
 from taxelflow.numerics.small_linalg import factor_small, solve_factored
 from taxelflow.runtime.compiling import kernel, routine
+from taxelflow.runtime.settled import Settled
 from taxelflow.slip.measurement import LEAST_STD, UNOBSERVABLE_RATIO
 from taxelflow.slip.slip_knots import Knot, Spline, Sums, add_up, backward, forward, place_knots
 
@@ -90,7 +91,7 @@ def fit_slip(t: Floats, pose: Floats, covariance: Floats, start_s: float, end_s:
     rows = records(Path, 1)
     duration_s = end_s - start_s
     scanned = _room_for(t - start_s, pose, covariance, axes)
-    if not duration_s > 0 or not fit_path(scanned, duration_s, records(Spline, 1), rows):
+    if not duration_s > 0 or not _fit(scanned, duration_s, records(Spline, 1), rows):
         raise np.linalg.LinAlgError("covariances are not positive definite")
     _, length_m, variance_m2, net, turn_variance, dates_s2, dates_m2 = rows[0].tolist()
     turns = axes[-1] == 2
@@ -192,6 +193,9 @@ def fit_path(scanned: Held, duration_s: float, splines: Records, paths: Records)
     _date(0, axes, weight[0], duration_s / scans, spline, path)
     _date(held - 2, axes, weight[scans - 1], duration_s / scans, spline, path)
     return True
+
+
+_fit = Settled(fit_path)
 
 
 @routine
