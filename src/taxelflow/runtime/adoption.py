@@ -148,27 +148,29 @@ class Late:
 
 
 class Lane:
-    """Computations of one kind, of which newer ones have more scans to learn from. what: see `Adoption`."""
+    """Computations of one kind, of which newer ones have more scans to learn from. what: see `Adoption`. jobs: those in
+    progress, and those whose results wait for adoption, oldest first.
+    """
 
     def __init__(self, what: str, adopting: Adopting) -> None:
         self.what, self.adopting = what, adopting
         self._begun = 0
-        self._jobs: list[Job] = []
+        self.jobs: list[Job] = []
 
     @property
     def busy(self) -> bool:
         """Whether a computation is running, or its result waits for adoption."""
-        return bool(self._jobs)
+        return bool(self.jobs)
 
     @property
     def due_s(self) -> float:
         """Time of the first scan that uses the next result; infinite if there is none."""
-        return min(map(self.adopting.due_s, self._jobs)) if self._jobs else inf
+        return min(map(self.adopting.due_s, self.jobs)) if self.jobs else inf
 
     @property
     def planned_s(self) -> float:
         """When a repeatable stream adopts the newest result; infinite if there is none."""
-        return self._jobs[-1].planned_s if self._jobs else inf
+        return self.jobs[-1].planned_s if self.jobs else inf
 
     def begin(self, result: Future[Any], begun_s: float, planned_s: float, put: Callable[[Any], None]) -> None:
         """Add a computation, and drop all before it."""
@@ -177,12 +179,12 @@ class Lane:
 
     def renew(self, result: Future[Any], begun_s: float, planned_s: float, put: Callable[[Any], None]) -> None:
         """Add a computation with more scans; the earlier ones are used if they are ready first."""
-        for job in self._jobs:
+        for job in self.jobs:
             self.adopting.supersede(job)
         ready = Event()
         result.add_done_callback(lambda _: ready.set())
-        self._jobs = [job for job in self._jobs if not job.result.cancelled()]
-        self._jobs.append(Job(self.what, self._begun, begun_s, planned_s, result, put, ready))
+        self.jobs = [job for job in self.jobs if not job.result.cancelled()]
+        self.jobs.append(Job(self.what, self._begun, begun_s, planned_s, result, put, ready))
         self._begun += 1
 
     def adopt(self, now_s: float) -> None:
@@ -193,11 +195,11 @@ class Lane:
 
     def taken(self, now_s: float) -> Job | None:
         """The newest computation that is due, else the newest of all, for the caller to adopt; drops older ones."""
-        if not self._jobs:
+        if not self.jobs:
             return None
-        due = [place for place, job in enumerate(self._jobs) if self.adopting.due_s(job) <= now_s]
-        place = due[-1] if due else len(self._jobs) - 1
-        job, older, self._jobs = self._jobs[place], self._jobs[:place], self._jobs[place + 1 :]
+        due = [place for place, job in enumerate(self.jobs) if self.adopting.due_s(job) <= now_s]
+        place = due[-1] if due else len(self.jobs) - 1
+        job, older, self.jobs = self.jobs[place], self.jobs[:place], self.jobs[place + 1 :]
         for one in older:
             one.result.cancel()
         self.adopting.note(Adoption(job.what, job.number, now_s))
@@ -205,6 +207,6 @@ class Lane:
 
     def drop(self) -> None:
         """Cancel all."""
-        for job in self._jobs:
+        for job in self.jobs:
             job.result.cancel()
-        self._jobs = []
+        self.jobs = []

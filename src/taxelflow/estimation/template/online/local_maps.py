@@ -219,7 +219,7 @@ class LocalMaps:
     def adopt(self, last: Scan, now_s: float) -> None:
         """Put in what is due; of a live loop a little at a time. last: the scan before."""
         self._last = last
-        due = [own for own in self.learners if own.lane.due_s <= now_s]
+        due = [own for own in self.learners if own.lane.jobs and own.lane.due_s <= now_s]
         if not due:
             return
         most = len(due) if self._waits else most_at_once(len(self.learners), now_s - last.t)
