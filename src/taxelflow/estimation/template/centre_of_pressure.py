@@ -23,6 +23,9 @@ If p and c contradict each other, it is multiplied by chi-square per degree of f
 **Rest.** Along a direction in which the object may have rested, see `hidden_motion`, a batch's map shows neither its
 place nor the shift by the border. C is widened along it until it explains c - p, so that c decides.
 
+**Short motions.** While a motion is too short for the map to show its length, see `short_motion`, C holds how much
+shorter c finds it.
+
 **Stream.** A map's frame shifts when it is adjusted. W and c refer to the point of the object at the mean of c over all
 keyframes, see `Anchor`, which hardly shifts. A map that turns keeps the point that was reported, see `online.gauge`.
 
@@ -44,6 +47,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from taxelflow.estimation.template.pose_output import Poses, judged_again
+from taxelflow.estimation.template.short_motion import stretched
 from taxelflow.estimation.template.solution import ALL_SHOWN
 from taxelflow.estimation.template.two_witnesses import combine, surely, widen
 from taxelflow.numerics.bspline import states_of
@@ -110,8 +114,8 @@ class Anchor(NamedTuple):
 class Centres(NamedTuple):
     """Centres of pressure of scans, in pitches: where they are (scans, 2), the covariance of each as xx, xy and yy
     (scans, 3), with that by the border, the part of it that moves places on the map, too, the second moment of the load
-    about the centre (scans, 3), the number of loaded taxels (scans,), whether there is a load (scans,), and whether the
-    border surely cuts the pattern (scans,).
+    about the centre (scans, 3), the number of loaded taxels (scans,), the share of the load at the border (scans,),
+    whether there is a load (scans,), and whether the border surely cuts the pattern (scans,).
     """
 
     place: Floats
@@ -119,6 +123,7 @@ class Centres(NamedTuple):
     common: Floats
     extent: Floats
     loaded: Floats
+    border: Floats
     known: Bools
     cut: Bools
 
@@ -135,7 +140,7 @@ class Centres(NamedTuple):
             cut = ((BORDER_ERROR * border * moved) ** 2)[:, np.newaxis]
             covariance[:, [0, 2]] += cut
             common[:, [0, 2]] += cut
-        return cls(place, covariance, common, extent, found[:, 14], known, np.zeros_like(known))
+        return cls(place, covariance, common, extent, found[:, 14], border, known, np.zeros_like(known))
 
     @property
     def spread(self) -> Floats:
@@ -257,10 +262,16 @@ def witnessed(poses: Poses, scanned: Scanned, edge: Bools, pitch_m: float, tilt:
     centres = centres._replace(known=known)
     state = np.column_stack([poses.pose[:, :2] / pitch_m, np.nan_to_num(poses.pose[:, 2])])
     own = np.trace(poses.covariance[:, :2, :2], axis1=1, axis2=2) / pitch_m**2
-    arm = centres.arm(state, 1.0 / (own + centres.spread))
-    apart = centres.place - turned(arm, state[:, 2]) - state[:, :2]
+    trust = 1.0 / (own + centres.spread)
+    by_centre = centres.place - turned(centres.arm(state, trust), state[:, 2])
+    apart = by_centre - state[:, :2]
     pose, covariance = poses.pose.copy(), poses.covariance.copy()
     shared, noise = np.zeros_like(covariance) + poses.shared, None if poses.noise is None else poses.noise.copy()
+    if solved is not None:
+        away = pitch_m * stretched(state[:, :2], by_centre, trust * known, centres.border)
+        longer = away[:, :, np.newaxis] * away[:, np.newaxis, :]
+        covariance[:, :2, :2] += longer
+        shared[:, :2, :2] += longer
     weight = np.zeros((2, 2))
     for k in np.flatnonzero(known).tolist():
         own = covariance[k] / pitch_m**2
