@@ -14,14 +14,16 @@ FACING = np.tile(np.eye(2), (2, 1, 1))
 BOTH = np.ones(2, dtype=np.bool_)
 NOISE = np.einsum("pq,ab->paqb", np.eye(2), 2.0 * (PLACE_M / DT_S) ** 2 * np.eye(2))
 NO_MORE = np.zeros_like(NOISE)
+LOADED = 10
+"""Taxels of a pad that share its load."""
 
 
 def touch(scan: int, velocity: np.ndarray, force_n: float, detail_m: float) -> Touch:
     covariance = np.tile(np.diag([0.005, 0.005, 0.05]) ** 2, (2, 1, 1))
-    detail_m2 = np.tile(detail_m**2 * np.eye(2), (2, 1, 1))
+    by_taxel_m2 = np.tile(detail_m**2 / LOADED * np.eye(2), (2, 1, 1))
     silent, felt, place = np.zeros(2, dtype=bool), np.full(2, detail_m), np.zeros((2, 2))
     seen = Touch(scan * DT_S, DT_S, np.zeros((2, 4)), force_n, silent, velocity, FACING, covariance, felt, place)
-    return replace(seen, detail_m2=detail_m2)
+    return replace(seen, by_taxel_m2=by_taxel_m2)
 
 
 def test_steps_of_a_steady_motion_give_the_line_through_the_places() -> None:

@@ -44,9 +44,9 @@ class Agreement:
     """Time over which the noise is learned."""
     load_m: float = 1e-3
     """Standard deviation of apparent motion per unit of log load, as in the slip stage: it is equal on both pads."""
-    load_share: float = 0.15
-    """The same in each direction, as a share of the detail of a pad's image there. Measured on the BarrettHand: medians
-    of 0.08 to 0.14 along and across a case and a jar, thus standard deviations of 0.12 to 0.2."""
+    load_share: float = 0.5
+    """Change of a reading per unit of log load beyond that of all, as a standard deviation, of each taxel by itself.
+    Measured on the BarrettHand: apparent motion of 0.08 to 0.14 (medians) of the detail, by 7 to 14 loaded taxels."""
 
     def __post_init__(self) -> None:
         for name in ("load_m", "load_share"):
@@ -120,8 +120,8 @@ class AgreementSession:
         if before_n > 0.0 and touch.force_n > 0.0 and touch.dt_s > 0.0:
             growth_1_s = float(np.log(touch.force_n / before_n)) / touch.dt_s
             each += (p.load_m * growth_1_s) ** 2 * np.eye(2)
-            if touch.detail_m2 is not None:
-                each += (p.load_share * growth_1_s) ** 2 * np.nan_to_num(touch.detail_m2, posinf=0.0)
+            if touch.by_taxel_m2 is not None:
+                each += (p.load_share * growth_1_s) ** 2 * np.nan_to_num(touch.by_taxel_m2, posinf=0.0)
         apart: Floats = np.einsum("pq,pab->paqb", np.eye(len(each)), each)
         return apart
 

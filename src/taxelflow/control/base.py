@@ -30,8 +30,9 @@ class Touch:
     direction in which that is least. place_m: (pads, 2), place on the pad of the point of the object whose velocity is
     given; NaN where unknown. ready: False while the conditioner learns noise and tare. place_std_m: (pads,), standard
     deviation of that place along each axis; None for 0. joint: (pads, 3, pads, 3), covariance of all velocities, whose
-    diagonal blocks are `covariance`; None if the pads are independent of each other. detail_m2: (pads, 2, 2), square of
-    the detail in all directions along each pad, NaN where unknown.
+    diagonal blocks are `covariance`; None if the pads are independent of each other. by_taxel_m2: (pads, 2, 2),
+    covariance of how far an object at rest seems to move if each reading changes by as much as it is, independently of
+    the others; NaN where unknown. It is the square of the detail in each direction, over the number of loaded taxels.
     """
 
     t_s: float
@@ -47,7 +48,7 @@ class Touch:
     ready: bool = True
     place_std_m: Floats | None = None
     joint: Floats | None = None
-    detail_m2: Floats | None = None
+    by_taxel_m2: Floats | None = None
 
     def of_point(self, point_m: Floats) -> Touch:
         """Velocities of facing pads at another point (2,) of the object, m, which differ where it turns.

@@ -66,6 +66,7 @@ class _Felt:
     def __init__(self, sensor: Sensor, signs: Floats, down: Floats | None) -> None:
         self._signs, self._to_si, self._last_s, self._down = signs, sensor.to_si, np.nan, down
         self._area_m2 = sensor.layout.area_m2[: sensor.layout.taxels]
+        self._starts = sensor.layout.starts[: sensor.layout.pad_count]
 
     def touch(self, t_s: float, readings: Floats, out: Output | None, axes: Floats) -> Touch:
         pads, pressure = len(self._signs), readings * self._to_si
@@ -73,7 +74,7 @@ class _Felt:
         force_n = float(pressure.ravel() @ self._area_m2) / 2
         slipping, velocity, ready = np.zeros(pads, dtype=np.bool_), np.full((pads, 3), np.nan), out is None
         covariance, detail_m = np.full((pads, 3, 3), np.nan), np.full(pads, np.nan)
-        place_m, place_std_m, detail_m2 = np.full((pads, 2), np.nan), np.zeros(pads), np.full((pads, 2, 2), np.nan)
+        place_m, place_std_m, by_taxel_m2 = np.full((pads, 2), np.nan), np.zeros(pads), np.full((pads, 2, 2), np.nan)
         if out is not None and len(out):
             slips, signs = out.slips, self._signs
             slipping = out.suspected[-1, :pads]
@@ -89,10 +90,17 @@ class _Felt:
             spread_m = np.sqrt((out.contacts.axes[-1, :pads] ** 2).mean(axis=1)) / 4
             place_std_m = np.where(turns, 0.0, _MIDDLE * spread_m)
             share = out.contacts.force[-1, :pads] / out.contacts.force_std[-1, :pads]
-            detail_m2 = share[:, None, None] ** 2 * variance[:, :2, :2] / 2
+            by_taxel_m2 = (share**2 / self._loaded(pressure))[:, None, None] * variance[:, :2, :2] / 2
             detail_m = share * np.sqrt(_least(variance) if self._down is None else _along(variance, axes @ self._down))
         felt = Touch(t_s, dt_s, pressure, force_n, slipping, velocity, axes, covariance, detail_m, place_m)
-        return replace(felt, ready=ready, place_std_m=place_std_m, detail_m2=detail_m2)
+        return replace(felt, ready=ready, place_std_m=place_std_m, by_taxel_m2=by_taxel_m2)
+
+    def _loaded(self, pressure: Floats) -> Floats:
+        """(pads,), number of taxels that share a pad's load, at least 1: the squared sum over the sum of squares."""
+        own = np.maximum(pressure.ravel(), 0.0)
+        total, squares = (np.add.reduceat(one, self._starts) for one in (own, own**2))
+        number: Floats = np.divide(total**2, squares, out=np.ones_like(total), where=squares > 0.0)
+        return number
 
 
 def _least(variance: Floats) -> Floats:
