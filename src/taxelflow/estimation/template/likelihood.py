@@ -44,7 +44,7 @@ def learned_error(fit: Fit, scanned: Scanned) -> float:
     low, high = _LEARNED
     if not len(squared) or excess(low) <= 0:
         return low
-    for _ in range(30):  # halvings, to a relative error below 1e-8
+    for _ in range(16):  # halvings, to a relative error below 1e-4
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
     return high

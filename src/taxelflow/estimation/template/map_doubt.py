@@ -19,16 +19,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.sparse import csr_array
 
-from taxelflow.numerics.banded import WIDTH, Factor, add_diagonal
-from taxelflow.numerics.bspline import KNOTS, STATE, pose_part
+from taxelflow.estimation.template.normal_equations import Normal
+from taxelflow.messages import Floats
+from taxelflow.numerics.banded import Factor, add_diagonal
+from taxelflow.numerics.bspline import STATE, add_around, pose_part
 from taxelflow.numerics.rounding import NEGLIGIBLE
+from taxelflow.runtime.compiling import long_kernel
 
 if TYPE_CHECKING:
     from taxelflow.estimation.template.bundle_adjustment import Linear
-    from taxelflow.estimation.template.normal_equations import Normal
-    from taxelflow.messages import Floats
 
 _MOST = 2_000_000
 """Scans times knots at most: beyond, the map's error is neglected, because many scans determine it well."""
@@ -48,7 +48,9 @@ def of_map(linear: Linear, precision: Floats) -> Floats:
     add_diagonal(normal.stencil, NEGLIGIBLE * normal.stencil.max())
     whitening = np.asarray(np.linalg.inv(np.linalg.cholesky(normal.blocks)), np.float64)[:, free]
     whitening[:, :, ~free] = 0.0
-    white = (whitening @ _crossed(normal, pattern.shape[1])).reshape(-1, knots).T
+    crossed = np.zeros((scans, STATE, knots))
+    _add_crossed(normal, pattern.shape[1], crossed)
+    white = (whitening @ crossed).reshape(-1, knots).T
     white_frame = pose_part(whitening)  # a change of the frame moves poses only
     blocks, moved = _excess(Factor(normal.stencil, pattern.shape[1]).whitened(white), white_frame)
     back = whitening.transpose(0, 2, 1)
@@ -79,15 +81,10 @@ def _excess(x: Floats, along: Floats) -> tuple[Floats, Floats]:
     return blocks, product.reshape(along.shape)
 
 
-def _crossed(normal: Normal, nx: int) -> Floats:
-    """(scans, 5, knots), information between states and coefficients."""
-    count, scans, knots = int(normal.start[-1]), len(normal.w), len(normal.right)
-    around = np.arange(KNOTS)
-    columns = normal.first[:count, np.newaxis] + around // WIDTH * nx + around % WIDTH
-    row = np.repeat(np.arange(count), KNOTS)
-    by_knot = csr_array((normal.weight[:count].ravel(), (row, columns.ravel())), shape=(count, knots))
-    state = np.repeat(np.arange(scans), np.diff(normal.start))[:, np.newaxis] * STATE + np.arange(STATE)
-    row = np.repeat(np.arange(count), STATE)
-    by_state = csr_array((normal.pull[:count].ravel(), (row, state.ravel())), shape=(count, scans * STATE))
-    product: Floats = (by_state.T @ by_knot).toarray()
-    return product.reshape(scans, STATE, knots)
+@long_kernel
+def _add_crossed(normal: Normal, nx: int, out: Floats) -> None:
+    """Add to out (scans, 5, knots) the information between states and coefficients. nx: knots in a row."""
+    for k in range(len(out)):
+        for i in range(normal.start[k], normal.start[k + 1]):
+            for a in range(STATE):
+                add_around(normal.pull[i, a], normal.weight[i], normal.first[i], nx, out[k, a])
