@@ -133,10 +133,10 @@ def test_no_pose_is_ok_after_contacts_have_moved_apart_on_a_pad_that_is_taken_fo
     assert not (quality[parted[:, 0]] == OK).any()
     assert set(np.unique(quality[parted[:, 0]])) & {UNRESOLVED, AMBIGUOUS}
     assert any("--contacts grid=2" in note for note in result.summary.notes)
-    told = api.estimate(recording, method, mode="stream", contacts={"grid": 2})
-    np.testing.assert_array_equal(told.slips.quality[:, 0], quality)
-    assert (told.slips.quality[parted[:, 0], 1:] == OK).mean() > 0.3
-    assert not any("--contacts" in note for note in told.summary.notes)
+    separated = api.estimate(recording, method, mode="stream", contacts={"grid": 2})
+    np.testing.assert_array_equal(separated.slips.quality[:, 0], quality)
+    assert (separated.slips.quality[parted[:, 0], 1:] == OK).mean() > 0.3
+    assert not any("--contacts" in note for note in separated.summary.notes)
 
 
 @pytest.mark.parametrize(

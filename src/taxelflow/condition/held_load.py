@@ -6,15 +6,12 @@ below an offset, on the scale of the loads above it, show that something lay on 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.rounding import CERTAIN
-
-if TYPE_CHECKING:
-    from taxelflow.condition.baseline import Baseline
 
 
 class _Fall(NamedTuple):
@@ -69,14 +66,16 @@ class FallWatch:
         self._per_noise = np.zeros(0)
         self._limit = CERTAIN
 
-    def find(self, windows: Floats, baseline: Baseline) -> int | None:
-        """The first of windows (windows, scans, taxels) that does, if any; it counts as judged."""
-        if baseline.offset is not self._offset:
-            self._offset, self._limit = baseline.offset, CERTAIN
-            live = baseline.known & ~baseline.masked
-            self._per_noise = np.divide(1.0, baseline.noise, where=live, out=np.zeros(len(live)))
+    def find(self, windows: Floats, offset: Floats, noise: Floats, live: Bools) -> int | None:
+        """The first of windows (windows, scans, taxels) that does, if any; it counts as judged.
+
+        offset, noise: (taxels,), another array where they have changed. live: (taxels,), those whose offset is known.
+        """
+        if offset is not self._offset:
+            self._offset, self._limit = offset, CERTAIN
+            self._per_noise = np.divide(1.0, noise, where=live, out=np.zeros(len(live)))
         with np.errstate(over="ignore", invalid="ignore"):
-            depth = (self._offset - np.fmax.reduce(windows, axis=1)) * self._per_noise
+            depth = (offset - np.fmax.reduce(windows, axis=1)) * self._per_noise
         deeper = np.flatnonzero(np.count_nonzero(depth > self._limit, axis=1) >= _FALL.taxels)
         if not len(deeper):
             return None

@@ -137,10 +137,11 @@ class ConditionSession:
     def _until_fall(self, values: Floats) -> tuple[int, bool]:
         """Scans (scans, taxels) until a window ends whose readings fall below the offsets, or all. Whether one does."""
         count = len(values)
-        if self._watch is None or self.baseline is None or count < self.sample.remaining:
+        learned = self.baseline
+        if self._watch is None or learned is None or count < self.sample.remaining:
             return count, False
         windows, open_scans = self.sample.completed(values)
-        found = self._watch.find(windows, self.baseline)
+        found = self._watch.find(windows, learned.offset, learned.noise, learned.known & ~learned.masked)
         if found is None:
             return count, False
         return (found + 1) * windows.shape[1] - open_scans, True

@@ -94,7 +94,7 @@ class AgreementSession:
         seen, by_place, by_step = touch.velocity[:, :2], touch.plane_covariance(), self._by_step(touch)
         noise_seen = by_place + by_step
         alerted, at_rest = bool(touch.slipping.any()), self._excess
-        believed = self._believed(known, touch, at_rest * noise_seen)
+        believed = self._believed(known, touch, at_rest * noise_seen, moves)
         velocity, noise, axes = seen[believed], _of_pads(believed, noise_seen), touch.axes[believed]
         now = at_rest
         chi_square = _apart(velocity, axes, noise)
@@ -125,16 +125,16 @@ class AgreementSession:
         apart: Floats = np.einsum("pq,pab->paqb", np.eye(len(each)), each)
         return apart
 
-    def _believed(self, known: Bools, touch: Touch, noise: Floats) -> Bools:
+    def _believed(self, known: Bools, touch: Touch, noise: Floats, moves: StepFilter) -> Bools:
         """(pads,): those known, without outliers: pads far from the prediction in this scan only, while others are not.
 
         A failed registration lasts one scan; a pad that is far off in two scans shows that the object has started.
         """
         jumps = np.zeros(len(known), dtype=np.bool_)
-        if self._filter is None or not known.any():
+        if not known.any():
             self._jumped = jumps
             return jumps
-        expected, spread = self._filter.expected(touch.axes, touch.dt_s)
+        expected, spread = moves.expected(touch.axes, touch.dt_s)
         off = (touch.velocity[:, :2] - expected)[known, :, np.newaxis]
         spread = spread[known] + noise[known, :, known]
         jumps[known] = (off.transpose(0, 2, 1) @ np.linalg.solve(spread, off))[:, 0, 0] > OUTLIER
