@@ -93,6 +93,12 @@ def test_what_load_moves_in_both_pads_is_no_slip() -> None:
     assert not agreed(moved, load=load).any()
 
 
+def test_nor_is_it_in_the_scans_after_the_load_has_changed_at_once() -> None:
+    load = np.where(np.arange(100) < 60, 1.0, 1.3)
+    moved = at_rest(100) + 0.5e-3 * UP * np.diff(np.log(load), prepend=0.0)[:, np.newaxis, np.newaxis]
+    assert not agreed(moved, load=load).any()
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("factor", [1.0, 3.0])
 def test_false_alarms_come_no_more_often_than_accepted(factor: float) -> None:

@@ -81,7 +81,7 @@ class _Pair:
 
     pads: tuple[int, int]
     to_first: Floats
-    steps: deque[_Step] = field(default_factory=lambda: deque(maxlen=max(_TEST.windows)))
+    steps: deque[_Step] = field(default_factory=lambda: deque(maxlen=max(_TEST.windows) + 1))
     noise: float = 1.0
     walk: float = 0.0
     scans: int = 0
@@ -147,13 +147,13 @@ class PadAgreement:
 
     def _p_value(self, pair: _Pair, noise: _Covariance, dt_s: float, window: int) -> float:
         """Of the sum of the last steps if the object rests."""
-        if len(pair.steps) < window:
+        if len(pair.steps) <= window:
             return 1.0
-        steps = list(pair.steps)[-window:]
+        before, *steps = list(pair.steps)[-window - 1 :]
         both_x, both_y, apart_x, apart_y, *_ = map(sum, zip(*steps, strict=True))
         # A sum of steps has the noise of its ends only, that of one step, and what of each stays in the pose. Both
         # skins feel load and creep alike.
-        shared = (self._load_m * (steps[-1].log_load - steps[0].log_load)) ** 2
+        shared = (self._load_m * (steps[-1].log_load - before.log_load)) ** 2
         shared += (self._creep_m_s * dt_s * window) ** 2
         stays = 1.0 + (window - 1) * max(pair.walk, 0.0)
         now = noise.half_square(apart_x, apart_y, stays)
