@@ -99,3 +99,10 @@ def test_a_pad_without_taxels_has_no_pattern() -> None:
     compare_patterns(Pads.of(empty), patterns_of(HAND, 4), np.ones(3, dtype=np.bool_), CREEP_M, found)
     assert np.isfinite(found[:, :2]).all()
     assert np.isnan(found[:, 2]).all()
+
+
+def test_a_single_loaded_taxel_stirs_nothing_wherever_it_is() -> None:
+    patterns = patterns_of(HAND, 3)
+    for taxel in range(30):
+        alone = patterns.before * (np.arange(HAND.entries) == taxel)
+        assert compared(HAND, patterns._replace(before=alone, after=1.02 * alone))[3, 0] == 0.0

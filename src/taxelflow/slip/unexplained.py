@@ -121,6 +121,7 @@ def _judge(s: _Sums, creep_m: float, found: Floats) -> None:
     found[0], found[1], found[2] = unexplained, noise, rise
     if abs(rise) < STEADY_RISE:
         extent = 0.5 * (s.q_rr_m2 - (s.q_x_m * s.q_x_m + s.q_y_m * s.q_y_m) / s.q) / s.q
+        extent = 0.0 if extent < 0.0 else extent  # rounding, of a single loaded taxel
         creep = 0.5 * creep_m * creep_m / extent  # of a Gaussian pattern
         # With two sigmas, 7 of 150 firm contacts that stick and slip were called restless in their first second.
         usual = noise * (1.0 + SIGNIFICANT * np.sqrt(2.0 / s.taxels)) + creep
