@@ -138,6 +138,23 @@ def test_a_slip_that_its_pattern_dates_late_does_not_end_before_it_begins() -> N
     ]
 
 
+def test_a_slip_on_which_pads_agree_has_nothing_of_a_suspected_one_that_has_ended() -> None:
+    slips = touching(len(HAND.layout.pads), OK)
+    slipping, agreed = np.zeros((2, *slips.contact.shape), dtype=bool)
+    slipping[1:3, 0], agreed[5, 0] = True, True
+    consents_s = np.where(slipping, 0.02, -np.inf)
+    consents_s[1, 0] = np.inf
+    events = [Event(t_s, "palm", kind, t_s) for t_s, kind in ((0.01, "slip_start"), (0.03, "slip_stop"))]
+    odds = Odds(np.ones(slipping.shape), np.ones(slipping.shape), np.zeros_like(slipping))
+    _, found = Verdict(HAND.layout).step(slips, Posed(slipping, events, agreed, consents_s), odds, odds.log_odds)
+    assert [(event.event, event.onset_s) for event in found] == [
+        ("slip_suspected", 0.01),
+        ("slip_start", 0.02),
+        ("slip_stop", 0.03),
+        ("slip_start", 0.05),
+    ]
+
+
 def of_palm(
     quality: list[int],
     log_odds: list[float],

@@ -115,6 +115,7 @@ class Verdict:
                 since_s = np.inf if odds.restless[scan, pad] else float(posed.since_s[scan, pad])
                 ends_now = bool(ends[0]), bool(ends[1])
                 own_events = self._decided(own_events, float(slips.t_s[scan]), pad, ends_now, since_s)
+            self._keep_suspected(own.get((scan, pad), []), pad, slips_on=bool(before[scan + 1, pad]))
             if (scan, pad) in again and not own_events:
                 own_events = [self._again(pad, float(slips.t_s[scan]), again[scan, pad])]
             quality, evidence = QUALITY[slips.quality[scan, pad]], float(odds.log_odds[scan, pad])
@@ -174,7 +175,6 @@ class Verdict:
             stops = [event for event in posed if event.event == "slip_stop" and starts]
             slip = (stops[:1] or [Event(t_s, self._pads[pad], "slip_stop", t_s)]) if slipped else []
             slip += [replace(event, event="slip_suspected") for event in starts]
-        self._keep_suspected(posed, pad, slips_on=slips_on)
         touch, release = ([event for event in posed if event.event == kind] for kind in ("contact", "release"))
         return [*touch, *slip, *release]
 
