@@ -33,8 +33,8 @@ class _Search(NamedTuple):
     """How far, in pitches, a recognised object may lie from where it is looked for."""
     surely: float = 9.0
     leap: tuple[float, float] = (2.0, 0.5)
-    """A place found all over the pad is followed only if chi-square is less by so much; an object that is known lies
-    within this many pitches and rad of where it was."""
+    """A state that was followed stands against one found all over the pad only if its chi-square is less by this times
+    the usual; an object that is known lies within this many pitches and rad of where it was."""
     reaches: tuple[float, float, float, float, float] = (0.0, 0.5, 1.0, 1.5, 2.0)
     """Radii outwards of the scan's centroid at which the object is looked for."""
     same: float = 0.5
