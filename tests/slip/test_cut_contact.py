@@ -10,7 +10,15 @@ from taxelflow.messages import Floats, no_scans
 from taxelflow.pipeline import api
 from taxelflow.sensors.catalogue import load_sensor
 from taxelflow.simulation.simulate import simulate
-from taxelflow.slip.cut_contact import BorderLoss, Steps, Velocity, at_velocity, steady_velocity
+from taxelflow.slip.cut_contact import (
+    BorderLoss,
+    Steps,
+    Velocity,
+    at_velocity,
+    joined_steps,
+    steady_velocity,
+    within,
+)
 from taxelflow.slip.slip_fit import SlipMotion
 
 SPEED, SPAN = 0.02, 0.1
@@ -29,7 +37,7 @@ def steps(loss: Floats, speeds: Floats | None = None, *, cut: bool = True, judge
 
 def test_scans_count_by_what_the_border_hides() -> None:
     loss = np.array([0.7, 0.4, 0.1, 0.0, 0.0, 0.1, 0.4, 0.7])
-    found = steady_velocity([steps(loss)])
+    found = steady_velocity(steps(loss))
     assert found is not None
     assert found.x == pytest.approx(SPEED, rel=0.01)
     assert np.mean(1.0 - loss) < 0.8
@@ -37,20 +45,39 @@ def test_scans_count_by_what_the_border_hides() -> None:
 
 
 def test_the_standard_deviation_is_what_is_hidden_if_all_scans_are_cut_alike() -> None:
-    found = steady_velocity([steps(np.full(200, 0.4))])
+    found = steady_velocity(steps(np.full(200, 0.4)))
     assert found is not None
     assert found.std_m_s == pytest.approx(0.4 * found.x, rel=0.05)
 
 
 @pytest.mark.parametrize("changes", [{"cut": False}, {"judged": True}])
 def test_other_slips_keep_their_fit(changes: dict[str, bool]) -> None:
-    assert steady_velocity([steps(np.full(9, 0.1), **changes)]) is None
+    assert steady_velocity(steps(np.full(9, 0.1), **changes)) is None
 
 
 def test_a_slip_that_changes_its_speed_keeps_its_fit() -> None:
-    assert steady_velocity([steps(np.zeros(20), np.repeat([0.01, 0.03], 10))]) is None
-    assert steady_velocity([]) is None
-    assert steady_velocity([steps(np.zeros(2))]) is None
+    assert steady_velocity(steps(np.zeros(20), np.repeat([0.01, 0.03], 10))) is None
+    assert steady_velocity(None) is None
+    assert steady_velocity(steps(np.zeros(2))) is None
+
+
+@pytest.mark.parametrize("size", [1, 7, 40, 100])
+def test_a_long_slip_holds_all_scans_in_bounded_memory_whatever_the_blocks(size: int) -> None:
+    loss = np.repeat([0.3, 0.0], [60, 40])
+    whole, held = steps(loss), None
+    whole.moved[5], whole.span_s[71] = np.nan, np.nan
+    for start in range(0, len(loss), size):
+        new = Steps(*(array[start : start + size] for array in whole))
+        held = within(new if held is None else joined_steps([held, new]), 16)
+    assert held is not None
+    assert len(held.span_s) < 16
+    for one, other in zip(held, within(whole, 16), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert held.span_s.sum() == pytest.approx(98 * SPAN)
+    found, each = steady_velocity(held), steady_velocity(whole)
+    assert found is not None
+    assert each is not None
+    assert found.x == pytest.approx(each.x, rel=0.02)
 
 
 def test_a_fit_within_the_standard_deviation_stays_and_gets_it() -> None:

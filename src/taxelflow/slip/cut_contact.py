@@ -83,6 +83,48 @@ def steps_of(slips: Slips, loss: Floats, pad: int, start: int, stop: int) -> Ste
     )
 
 
+def joined_steps(parts: list[Steps]) -> Steps:
+    """All steps of a slip, at least one part."""
+    # The order of a sum follows the order in memory, which must not depend on the blocks.
+    return Steps(*(np.ascontiguousarray(np.concatenate(arrays)) for arrays in zip(*parts, strict=True)))
+
+
+def within(steps: Steps, most: int) -> Steps:
+    """Fewer than `most` steps: neighbours are added up whenever there are as many, so that the blocks do not matter."""
+    while len(steps.span_s) >= most:
+        first, later = (Steps(*(array[part] for array in steps)) for part in (slice(most), slice(most, None)))
+        steps = joined_steps([_paired(first), later])
+    return steps
+
+
+def _paired(steps: Steps) -> Steps:
+    """The sums of neighbouring steps, with the mean of their losses; a step that is not known adds nothing."""
+    moved, variance, loss, span_s, cut, judged = steps
+    known = _known(steps)
+    share = np.where(known, span_s, 0.0).reshape(-1, 2)
+    share /= np.where(share.sum(axis=1) > 0.0, share.sum(axis=1), np.nan)[:, np.newaxis]
+    lost = np.where(known[:, np.newaxis, np.newaxis], loss * cut[:, np.newaxis, np.newaxis], 0.0)
+    moved, variance = (
+        np.where(known[:, np.newaxis], one, 0.0).reshape(-1, 2, 2).sum(axis=1) for one in (moved, variance)
+    )
+    return Steps(
+        moved,
+        variance,
+        np.einsum("kn,knab->kab", share, lost.reshape(-1, 2, 2, 2)),
+        np.where(known, span_s, 0.0).reshape(-1, 2).sum(axis=1),
+        (known & cut).reshape(-1, 2).any(axis=1),
+        (known & judged).reshape(-1, 2).any(axis=1),
+    )
+
+
+def _known(steps: Steps) -> Bools:
+    """(scans,), steps whose motion, noise and loss are known."""
+    known = np.isfinite(steps.moved).all(axis=1) & np.isfinite(steps.variance).all(axis=1)
+    known &= np.isfinite(steps.loss).all(axis=(1, 2)) & (steps.span_s > 0.0)
+    found: Bools = known & (steps.variance > 0.0).all(axis=1)
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class Velocity:
     """Constant velocity of a slip, m/s, with the standard deviation of the speed."""
@@ -92,15 +134,12 @@ class Velocity:
     std_m_s: float
 
 
-def steady_velocity(parts: list[Steps]) -> Velocity | None:
+def steady_velocity(steps: Steps | None) -> Velocity | None:
     """Velocity of a slip, if it was constant, a border cut the contact, and the method judges no pose itself."""
-    if not parts:
+    if steps is None:
         return None
-    whole = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    # The order of a sum follows the order in memory, which must not depend on the blocks.
-    moved, variance, loss, span_s, cut, judged = map(np.ascontiguousarray, whole)
-    known = np.isfinite(moved).all(axis=1) & np.isfinite(variance).all(axis=1) & np.isfinite(loss).all(axis=(1, 2))
-    known &= (span_s > 0.0) & (variance > 0.0).all(axis=1)
+    moved, variance, loss, span_s, cut, judged = steps
+    known = _known(steps)
     if judged[known].any() or not cut[known].any() or known.sum() < LINE_POINTS:
         return None
     velocity, spread = moved[known] / span_s[known, np.newaxis], variance[known] / span_s[known, np.newaxis] ** 2

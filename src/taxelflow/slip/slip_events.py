@@ -20,7 +20,7 @@ from taxelflow.numerics.records import records
 from taxelflow.numerics.rounding import LINE_POINTS
 from taxelflow.runtime.blocks import is_block
 from taxelflow.runtime.settled import Settled
-from taxelflow.slip.cut_contact import Steps, at_velocity, steady_velocity, steps_of
+from taxelflow.slip.cut_contact import Steps, at_velocity, joined_steps, steady_velocity, steps_of, within
 from taxelflow.slip.slip_fit import SlipMotion, fit_slip, integrate_slip
 from taxelflow.slip.slip_rows import MOST_ROWS, Progress, Row, hold_block, hold_scans
 
@@ -50,8 +50,8 @@ class SlipEvents:
         self._end_s: dict[int, float] = {}
         """Latest stop, by pad, s."""
         self._loss: Floats | None = None
-        self._steps: dict[int, list[Steps]] = {}
-        """Of the slips that go on, while there is room for each scan of them."""
+        self._steps: dict[int, Steps] = {}
+        """Of the slips that go on, in a recording."""
         self._progress, self._room = records(Progress, len(pads)), records(Row, len(pads), MOST_ROWS)
         self._held: list[_Held] = []
         self._before_s = self._scan_s = 0.0
@@ -121,8 +121,9 @@ class SlipEvents:
             return
         for pad in pads:
             count = int(np.max(np.flatnonzero(slipping[start:stop, pad]), initial=-1)) + 1
-            if self._progress["held"][pad] + count < MOST_ROWS:
-                self._steps[pad].append(steps_of(slips, self._loss, pad, start, start + count))
+            before = [self._steps[pad]] if pad in self._steps else []
+            new = steps_of(slips, self._loss, pad, start, start + count)
+            self._steps[pad] = within(joined_steps([*before, new]), MOST_ROWS)
 
     def _change(self, pad: int, held: _Held) -> None:
         """Begin or end a slip."""
@@ -138,7 +139,7 @@ class SlipEvents:
             self._open[pad] = held
             if not held.event.withdraws(self._end_s.get(pad, -np.inf)):
                 self._progress[pad] = (0, nan, False)
-                self._steps[pad] = []
+                self._steps.pop(pad, None)
 
     def _motion(self, pad: int, start: _Held, end_s: float | None) -> SlipMotion:
         """Of a slip from its onset to a time, s; to its last scan if None."""
@@ -151,7 +152,7 @@ class SlipEvents:
             known: Records = rows if inside.all() else rows[inside]
             with suppress(np.linalg.LinAlgError):  # a method from elsewhere may give poses without covariance
                 motion = fit_slip(known["t_s"].copy(), known["pose"].copy(), known["covariance"].copy(), start_s, end_s)
-                velocity = steady_velocity(self._steps[pad])
+                velocity = steady_velocity(self._steps.get(pad))
                 return motion if velocity is None else at_velocity(motion, velocity)
         displacement, covariance = rows["displacement"], rows["displacement_covariance"]
         if self._stream and len(rows) and not isnan(start.event.speed_m_s):
