@@ -43,3 +43,8 @@ def test_a_contact_without_a_peak_of_its_own_ends_after_three_scans(scans: int, 
 def test_a_contact_whose_peak_comes_back_stays() -> None:
     found = labels(*["9...8"] * OLD, *["98765"] * 2, "95258", *["98765"] * 2)
     assert "2" in found[-1]
+
+
+def test_nor_do_scans_without_a_peak_count_from_before_it_stood_alone() -> None:
+    found = labels(*["9...8"] * OLD, *["98765"] * 2, "9...8", *["98765"] * 2)
+    assert "2" in found[-1]

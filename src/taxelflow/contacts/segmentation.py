@@ -153,8 +153,8 @@ def _segment_pad(
             taxels[k].label = 1 if taxels[k].component > 0 else 0
         return
     owner = associate(reading, noise, pad, number, components, memory)
-    if label_taxels(reading, pad, owner, taxels, adjacency):
-        merge_peakless(reading, pad, tracks, taxels, adjacency)
+    label_taxels(reading, pad, owner, taxels, adjacency)
+    merge_peakless(reading, pad, tracks, taxels, adjacency)
 
 
 @routine

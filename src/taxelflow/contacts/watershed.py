@@ -22,8 +22,8 @@ flank may have become another's."""
 
 
 @routine
-def label_taxels(reading: Floats, pad: SegmentedPad, owner: Bools, taxels: Records, adjacency: Adjacency) -> bool:
-    """Bring `Taxel.label` up to date. Returns whether a component was shared by contacts.
+def label_taxels(reading: Floats, pad: SegmentedPad, owner: Bools, taxels: Records, adjacency: Adjacency) -> None:
+    """Bring `Taxel.label` up to date.
 
     reading: (taxels,). owner: (components + 1, slots + 1), see `associate`.
     """
@@ -45,7 +45,6 @@ def label_taxels(reading: Floats, pad: SegmentedPad, owner: Bools, taxels: Recor
         if taxel_number < 0:
             break
         taxels[taxel_number].label = label
-    return shared
 
 
 @routine
