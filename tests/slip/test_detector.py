@@ -279,3 +279,18 @@ def test_a_disturbance_counts_where_there_is_no_displacement() -> None:
     assert flags[:, 0].nonzero()[0].tolist() == [100, 101, 102]
     assert events[1] == Event(1.0, "pad0", "slip_start", 1.0)
     assert np.isnan(events[1].speed_m_s)
+
+
+def test_a_slow_slip_that_seemed_to_stop_goes_on() -> None:
+    """A stop that poses refute is withdrawn, though none of them excludes that the object stops just now."""
+    for seed in range(4):
+        t_s = np.arange(600) / RATE_HZ
+        pose = 5.0 * noise(600, seed)
+        pose[:, 0] += 1e-3 * np.clip(t_s - 1.5, 0.0, 3.0)
+        slips = slips_of(pose)
+        slips.displacement_covariance[:] *= 25.0
+        flags, events, _ = watched(slips)
+        assert flags[200:450, 0].mean() > 0.7
+        assert not flags[500:].any()
+        starts = [event.onset_s for event in events if event.event == "slip_start"]
+        assert len(set(starts)) == 1

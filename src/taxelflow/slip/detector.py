@@ -39,7 +39,8 @@ class _Stop(NamedTuple):
     reported: float = 3.0
     withdrawn: float = 0.02
     final: float = 30.0
-    """Odds of a stop above which it is reported, below which the report is withdrawn, and above which it is final."""
+    """Odds of a stop above which it is reported, and above which it is final. The report is withdrawn where those of
+    the stops up to then fall below the second: that the object may stop just now, no pose of a slow slip excludes."""
 
 
 _STOP = _Stop()
@@ -223,15 +224,15 @@ def _scale_noise(state: PadState) -> None:
 @routine
 def _test_stop(odds: float, parameters: Parameters, state: PadState, change: Change) -> None:
     """Has a slipping object stopped? odds: of `stop_odds`, after its last measurement."""
-    slide, stop = state.slide, state.slide.stop
+    measurement, slide, stop = state.measurement, state.slide, state.slide.stop
     change.statistic = _STOP.reported / odds
     if odds > _STOP.reported and not slide.stop_reported:
-        slide.stop_reported = True
+        slide.stop_reported, slide.reported_s = True, measurement.t_s
         duration_s = max(stop.since_s - slide.start_s, ROUNDING_S)
         for axis in range(3):
             slide.residual[axis] = (stop.position[axis] - slide.origin[axis]) / duration_s
         _report(stop.since_s, slide.residual, not slide.yaw_lost, change)
-    elif odds < _STOP.withdrawn and slide.stop_reported:
+    elif odds < 1.0 and slide.earlier_odds < _STOP.withdrawn and slide.stop_reported:
         slide.stop_reported = False
         _report(slide.start_s, slide.velocity, not slide.yaw_lost, change)
     if odds > _STOP.final:
