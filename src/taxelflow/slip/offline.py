@@ -28,10 +28,12 @@ if TYPE_CHECKING:
 class _Search:
     """Where a change is searched, and with which scans."""
 
+    span_s: float = RAMPS.age_s
+    """A change lies at most this long before its report, the largest age of a ramp of the onset detector; and a report
+    is withdrawn at most this long after it. Where scans are few, both are as many scans as the next two."""
     back_scans: int = RAMPS.age_scans
     ahead_scans: int = 20
-    """A change lies at most this many scans before its report, and the fit uses at most this many scans after the
-    report. 64 is the largest age of a ramp of the onset detector."""
+    """The fit uses at most the second number of scans after the report."""
     side_scans: int = 20
     least_side_scans: int = 2
     """Most and fewest scans on each side of a change that the fit uses."""
@@ -99,18 +101,20 @@ class OfflineSlipSession:
         for event in events:
             scan = self._first + int(np.searchsorted(self._t, event.t_s))
             self._pads[self._numbers[event.pad]].pending.append((scan, event))
-        return self._advance(self._first + len(self._t))
+        return self._advance(last=False)
 
     def finish(self) -> Detected:
         """The scans and events that `step` has held back."""
-        return self._advance(self._first + len(self._t) + _SEARCH.back_scans + _SEARCH.ahead_scans)
+        return self._advance(last=True)
 
-    def _advance(self, seen: int) -> Detected:
-        """Refine the events that are due after this many scans, and give the scans that are final."""
+    def _advance(self, *, last: bool) -> Detected:
+        """Refine the events that are due, and give the scans that are final."""
+        seen = self._first + len(self._t)
+        due = seen if last else self._earlier(seen - 1, _SEARCH.ahead_scans)
         for number, pad in enumerate(self._pads):
-            while pad.pending and pad.pending[0][0] + _SEARCH.ahead_scans < seen:
+            while pad.pending and pad.pending[0][0] < due:
                 self._refine(number, pad)
-        start, stop = self._given, max(seen - _SEARCH.back_scans - _SEARCH.ahead_scans, self._given)
+        start, stop = self._given, max(seen if last else self._earlier(due, _SEARCH.back_scans), self._given)
         times, is_last = self._t[start - self._first : stop - self._first], stop - self._first >= len(self._t)
         slipping = np.zeros((len(times), len(self._pads)), dtype=np.bool_)
         found: list[tuple[int, int, Event]] = []
@@ -134,6 +138,14 @@ class OfflineSlipSession:
         self._drop_before(stop - _SEARCH.back_scans - _SEARCH.side_scans)
         return Detected(slipping, [event for _, _, event in sorted(found, key=lambda one: one[:2])], statistic)
 
+    def _earlier(self, scan: int, scans: int) -> int:
+        """The scan that is this many before another, or `_SEARCH.span_s`, whichever is longer; the first one held."""
+        place = scan - self._first
+        if not 0 <= place < len(self._t):
+            return self._first
+        in_time = int(np.searchsorted(self._t, self._t[place] - _SEARCH.span_s - SAME_S))
+        return self._first + max(min(place - scans, in_time), 0)
+
     def _drop_before(self, scan: int) -> None:
         """Drop the scans held before this one."""
         old = max(scan - self._first, 0)
@@ -148,12 +160,14 @@ class OfflineSlipSession:
         A slip that was over before it was reported is one of the jump test: it has no path to be refined by.
         """
         scan, event = pad.pending.pop(0)
+        near = self._t[scan - self._first] + _SEARCH.span_s
+        following = [other for k, other in pad.pending if k <= scan + _SEARCH.ahead_scans or other.t_s <= near][:1]
         later = [(k, other) for k, other in pad.pending if k <= scan + _SEARCH.ahead_scans]
         if event.event in ("contact", "release"):
             pad.refined.append(replace(event, onset_s=event.t_s))
             pad.last_s = event.t_s
             return
-        withdrawn = event.event == "slip_stop" and later and later[0][1].onset_s < event.onset_s
+        withdrawn = event.event == "slip_stop" and following and following[0].onset_s < event.onset_s
         if withdrawn or (event.event == "slip_start" and later and self._returns(number, scan, event, later[0][1])):
             pad.pending.pop(0)
             return
@@ -163,7 +177,7 @@ class OfflineSlipSession:
         pad.jumped = starts and jumped
         keep = jumped or np.isnan(event.speed_m_s)
         onset_s = event.onset_s if keep else self._change_point(number, scan, event, pad.last_s, next_s)
-        earliest = self._t[max(scan - _SEARCH.back_scans - self._first, 0)]
+        earliest = self._t[self._earlier(scan, _SEARCH.back_scans) - self._first]
         pad.last_s = float(max(onset_s, earliest, pad.last_s))
         pad.refined.append(replace(event, onset_s=pad.last_s))
 
@@ -172,7 +186,7 @@ class OfflineSlipSession:
         if np.isnan(start.speed_m_s) or np.isnan(end.speed_m_s):
             return False
         t, first = self._pose_t[:, number], self._first
-        low = max(scan - _SEARCH.back_scans - first, 0)
+        low = self._earlier(scan, _SEARCH.back_scans) - first
         begin, stop = (int(np.searchsorted(t, one.onset_s, side="right")) for one in (start, end))
         last = min(scan + _SEARCH.ahead_scans + 1 - first, len(t))
         moved, variance = self._moved[:, number], self._variance[:, number]
@@ -191,7 +205,8 @@ class OfflineSlipSession:
 
     def _change_point(self, number: int, scan: int, event: Event, since_s: float, until_s: float) -> float:
         """Time of an event that was reported at a scan, s, by the path between the events before and after it."""
-        start, stop = max(scan - _SEARCH.back_scans - self._first, 0), scan + _SEARCH.ahead_scans + 1 - self._first
+        start = self._earlier(scan, _SEARCH.back_scans) - self._first
+        stop = scan + _SEARCH.ahead_scans + 1 - self._first
         t, moved = self._pose_t[start:stop, number], self._moved[start:stop, number]
         near = int(np.searchsorted(t, event.onset_s))
         broken = np.flatnonzero(np.isnan(moved[:, 0]))
