@@ -90,9 +90,11 @@ def joined_steps(parts: list[Steps]) -> Steps:
 
 
 def within(steps: Steps, most: int) -> Steps:
-    """Fewer than `most` steps: neighbours are added up whenever there are as many, so that the blocks do not matter."""
+    """Fewer than `most` steps, an even number: neighbours are added up whenever there are as many, so that the blocks
+    do not matter.
+    """
     while len(steps.span_s) >= most:
-        first, later = (Steps(*(array[part] for array in steps)) for part in (slice(most), slice(most, None)))
+        first, later = (Steps._make(array[part] for array in steps) for part in (slice(most), slice(most, None)))
         steps = joined_steps([_paired(first), later])
     return steps
 
@@ -112,8 +114,8 @@ def _paired(steps: Steps) -> Steps:
         variance,
         np.einsum("kn,knab->kab", share, lost.reshape(-1, 2, 2, 2)),
         np.where(known, span_s, 0.0).reshape(-1, 2).sum(axis=1),
-        (known & cut).reshape(-1, 2).any(axis=1),
-        (known & judged).reshape(-1, 2).any(axis=1),
+        np.asarray((known & cut).reshape(-1, 2).any(axis=1)),
+        np.asarray((known & judged).reshape(-1, 2).any(axis=1)),
     )
 
 
