@@ -39,8 +39,9 @@ class _Stop(NamedTuple):
     reported: float = 3.0
     withdrawn: float = 0.02
     final: float = 30.0
-    """Odds of a stop above which it is reported, and above which it is final. The report is withdrawn where those of
-    the stops up to then fall below the second: that the object may stop just now, no pose of a slow slip excludes."""
+    """Odds of a stop above which it is reported, and final. The report is withdrawn where those of the stops up to then
+    fall below the second, if no later one is likelier than a priori: that the object stops just now, no pose of a slow
+    slip excludes."""
 
 
 _STOP = _Stop()
@@ -232,7 +233,7 @@ def _test_stop(odds: float, parameters: Parameters, state: PadState, change: Cha
         for axis in range(3):
             slide.residual[axis] = (stop.position[axis] - slide.origin[axis]) / duration_s
         _report(stop.since_s, slide.residual, not slide.yaw_lost, change)
-    elif odds < 1.0 and slide.earlier_odds < _STOP.withdrawn and slide.stop_reported:
+    elif slide.earlier_odds < _STOP.withdrawn and slide.later_evidence <= 0.0 and slide.stop_reported:
         slide.stop_reported = False
         _report(slide.start_s, slide.velocity, not slide.yaw_lost, change)
     if odds > _STOP.final:

@@ -101,7 +101,8 @@ class SlideState:
     """A stop is reported, but its odds do not exclude that the slip continues."""
     reported_s: float
     earlier_odds: float
-    """Time of the scan in which it was reported, and odds of the stops up to then."""
+    later_evidence: float
+    """Time of the scan in which it was reported; odds of the stops up to then; those of later ones beyond a priori."""
     yaw_lost: bool
     """Theta was unknown at some time since the onset and is not used."""
     factor: Cholesky
@@ -169,14 +170,17 @@ def stop_odds(measurement: Measurement, creep_m_s: float, slide: SlideState) -> 
     _start_stop(t_s, measurement.previous_s, slide)
     slipping = _update_slide(measurement, own, axes, slide)
     _estimate_stop(t_s, slide.q_pp, slide.position, stop)
-    odds = most = slide.earlier_odds = 0.0
+    odds = most = slide.earlier_odds = slide.later_evidence = 0.0
     for j in range(slide.count):
         each: Stop = slide.stops[j]
         _update_stop(measurement, own, axes, slipping, each, slide)
         rate_hz = _SLIP.stops / (_SLIP.prior_s + max(each.start_s - slide.start_s, 0.0))
         share = rate_hz * each.weight * exp(min(each.log_ratio, MAX_EXPONENT))
         odds += share
-        slide.earlier_odds += share if each.start_s < slide.reported_s else 0.0
+        if each.start_s < slide.reported_s:
+            slide.earlier_odds += share
+        else:
+            slide.later_evidence += share - rate_hz * each.weight
         if share > most:
             most = share
             _estimate_stop(each.since_s, each.variance, each.position, stop)
