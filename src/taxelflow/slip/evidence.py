@@ -92,8 +92,8 @@ def looks_like_slip(share: Floats, noise_power: Floats, rise: Floats) -> Bools:
 def tilt_over_slide(left: Unexplained) -> float:
     """Log likelihood ratio of "tilts" against "slides"; NaN where rest fits all readings.
 
-    The logarithm of a root of chi-square, a degree of freedom, has half of the variance and of the bias that that of
-    chi-square has: few taxels show little.
+    The logarithm of the root of chi-square over its n degrees of freedom has the variance 1 / 2n and the bias -1 / 2n:
+    few taxels show little.
     """
     rest, slide = 0.5 / left.free_rest, 0.5 / left.free_slide
     return 2.0 * float(np.log(CLEARLY)) / (CHANGE.spread**2 + rest + slide) * (left.log_ratio() - rest + slide)
