@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taxelflow.messages import Bools, Floats
+from taxelflow.numerics.rounding import ROUNDING
 from taxelflow.numerics.small_linalg import solve_small
 from taxelflow.numerics.sunk_and_tilted import RIDGE, ROUNDS
 from taxelflow.runtime.compiling import lean_kernel, routine
@@ -201,7 +202,7 @@ def _read(skin: Skin, pair: Pair, state: Floats, fit: Fit) -> float:
         x, y = cos * off_x + sin * off_y, cos * off_y - sin * off_x
         fit.inside[k] = skin.low[0] <= x + cx <= skin.high[0] and skin.low[1] <= y + cy <= skin.high[1]
         value, along_x, along_y = _surface(skin.places, pair.surface, x + cx, y + cy)
-        if not fit.inside[k] or value <= 0.0:
+        if not fit.inside[k] or value <= ROUNDING * pair.least:  # through a reading of 0 the surface is 0 to rounding
             value = along_x = along_y = 0.0
         fit.left[k] = value
         slopes[k, 0] = cos * along_x - sin * along_y
