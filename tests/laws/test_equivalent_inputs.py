@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 
-from elastic_skin import PLACES, pressed
+from elastic_skin import PLACES, RATE_HZ, SENSOR, on_skin, pressed
+from synthetic import recorded
 from taxelflow.numerics.rest_or_slide import compare
 from taxelflow.numerics.slid import Skin
+from taxelflow.pipeline import api
 
 SKIN = Skin.of(PLACES.T)
 MIRRORED = np.array([np.flatnonzero((place * (-1, 1) == PLACES).all(axis=1))[0] for place in PLACES])
@@ -22,3 +25,19 @@ def test_the_mirror_image_of_a_slide_is_the_slide_of_the_mirror_image(seed: int)
         compare(SKIN, before[order], after[order], 1.0, np.zeros(3)) for order in (np.arange(len(PLACES)), MIRRORED)
     )
     np.testing.assert_allclose(other, one._replace(x=-one.x), rtol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["lnorm", "convolution", "registration"])
+def test_in_a_batch_the_order_of_the_pads_does_not_matter(method: str) -> None:
+    t_s = np.arange(round(4.0 * RATE_HZ)) / RATE_HZ
+    rocked, slid = 0.08 * np.sin(2 * np.pi * 0.7 * t_s), np.clip(t_s - 1.0, 0.0, 2.0) - 1.0
+    raw = [on_skin(slid, rocked, seed=seed).load() for seed in (0, 1)]
+    pads = tuple(msgspec.structs.replace(SENSOR.pads[0], name=name) for name in ("one", "other"))
+    sensor = msgspec.structs.replace(SENSOR, pads=pads)
+    results = [
+        api.estimate(recorded(np.hstack([raw[a].values, raw[1 - a].values]), sensor, raw[0].t_s), method).slips
+        for a in (0, 1)
+    ]
+    for part in ("pose", "covariance", "quality"):
+        one, other = (getattr(each, part) for each in results)
+        np.testing.assert_allclose(one, other[:, ::-1], rtol=1e-6, atol=1e-12, err_msg=part)

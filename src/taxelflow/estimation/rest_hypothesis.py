@@ -3,9 +3,9 @@
 Every pose follows the load. A hand that swings, pulls or tilts an object shifts the load, and the object stays. So on a
 sensor with an `unseen_error` the distance from where the object rested last, its reference, is a part of the covariance
 until the pattern contradicts: until a slide explains its change since then at least as well as rest does, see
-`rest_or_slide`. Patterns are compared from bin to bin, those of several pads one after the other, in scans of the next
-bin. Where less than half of the load is still on taxels that were loaded at the reference, the object has come that
-far. Until then the pose is the mean of both hypotheses, by their likelihood, unless it has slipped since.
+`rest_or_slide`. Patterns are compared from bin to bin; in a stream those of several pads one after the other, in scans
+of the next bin. Where less than half of the load is still on taxels that were loaded at the reference, the object has
+come that far. Until then the pose is the mean of both hypotheses, by their likelihood, unless it has slipped since.
 
 Load that has shifted poses at rest goes on to shift when the object slides. So how far excursions went that came back,
 without a slide, is learned, and is a part of the covariance of poses that have moved.
@@ -116,7 +116,7 @@ class RestHypothesis:
     """Follows all pads. `see` gets bins of scans, `step` their poses, `weighed` the oldest of these once more."""
 
     def __init__(self, layout: Layout, *, stream: bool) -> None:
-        self._layout, self._ahead_s = layout, 0.0 if stream else AHEAD_S
+        self._layout, self._ahead_s, self._spreads = layout, 0.0 if stream else AHEAD_S, stream
         self._doubts = layout.unseen_error > 0.0
         self._pitch_m = np.sqrt(layout.pitch_m.prod(axis=1))
         pads = len(layout.pads)
@@ -211,10 +211,12 @@ class RestHypothesis:
         self._known = known.copy()
 
     def _queue(self, seen: Bin, pose: Floats) -> None:
-        """Compare the patterns of a bin, pad by pad in the scans of the next one. pose: (pads, 3), at its end."""
+        """Compare the patterns of a bin, in a stream pad by pad in the scans of the next one: no scan takes long. pose:
+        (pads, 3), at its end.
+        """
         pads = np.flatnonzero(seen.touching & seen.whole & self._known).tolist()
         self._due += ((pad, seen, pose[pad].copy()) for pad in pads)
-        self._at_once = -(-len(self._due) // seen.scans)
+        self._at_once = -(-len(self._due) // seen.scans) if self._spreads else len(self._due)
 
     def _compare(self, pad: int, seen: Bin, pose: Floats) -> None:
         """Does the object rest, at the end of a bin? pose: (3,)."""
