@@ -1,4 +1,4 @@
-"""What every method owes to equivalent inputs: mirrored pads, pads in another order."""
+"""What every method owes to equivalent inputs: mirrored pads, pads in another order, declared offsets."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from elastic_skin import PLACES, RATE_HZ, SENSOR, on_skin, pressed
-from synthetic import recorded
+from synthetic import conditioned, dome, grid_sensor, recorded
 from taxelflow.numerics.rest_or_slide import compare
 from taxelflow.numerics.slid import Skin
 from taxelflow.pipeline import api
@@ -41,3 +41,16 @@ def test_in_a_batch_the_order_of_the_pads_does_not_matter(method: str) -> None:
     for part in ("pose", "covariance", "quality"):
         one, other = (getattr(each, part) for each in results)
         np.testing.assert_allclose(one, other[:, ::-1], rtol=1e-6, atol=1e-12, err_msg=part)
+
+
+@pytest.mark.parametrize("gain", [1.0, 0.8])
+def test_offsets_that_a_sensor_declares_change_no_noise_where_numbers_end_at_0(gain: float) -> None:
+    random = np.random.default_rng(0)
+    load = dome(grid_sensor(6, 6), -0.015, 0.015, peak=1e3) * np.repeat([[0.0], [1.0]], 100, axis=0)
+    numbers = np.maximum(np.round(load + random.normal(0.0, 4.0, load.shape)), 0.0)
+    plain = grid_sensor(6, 6, unit="count")
+    offset, gains = random.integers(0, 4, 36).astype(float), (gain,) * 36
+    declared = msgspec.structs.replace(plain, offset=tuple(offset.tolist()), gain=gains)
+    (one, _), (other, _) = conditioned(numbers, plain), conditioned((numbers - offset) * gain, declared)
+    np.testing.assert_allclose(other.noise, gain * one.noise, rtol=0.05)
+    np.testing.assert_array_equal(other.contact, one.contact)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.condition.converter import MIN_NOISE_SHARE, are_whole, lowest_reading
+from taxelflow.condition.converter import MIN_NOISE_SHARE, are_whole, levels_of, lowest_reading, step_of
 from taxelflow.condition.health import Finding, find_faults
 from taxelflow.condition.held_load import holds_load
 from taxelflow.condition.noise import estimate_noise
@@ -17,7 +17,7 @@ from taxelflow.condition.tare import Offsets, find_offsets
 from taxelflow.condition.units import SATURATED_SHARE, full_scale
 from taxelflow.errors import ParameterInvalid
 from taxelflow.messages import Bools, Floats
-from taxelflow.numerics.rounding import CERTAIN
+from taxelflow.numerics.rounding import CERTAIN, ROUNDING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -100,7 +100,7 @@ def _with_offsets(
         largest = float(np.max(windows, initial=0.0, where=np.isfinite(windows)))
         reference = max(largest, scale if np.isfinite(scale) else 0.0) or np.inf
     offset, std, known, tared = before.offset.copy(), before.offset_std.copy(), before.known.copy(), before.tared.copy()
-    near, cut = near_taxels(layout), lowest_reading(windows)
+    near, cut = near_taxels(layout), _clipped(sensor, windows)
     for pad in range(layout.pad_count):
         own = layout.of_pad(pad)
         if (known | before.masked)[own].all():
@@ -117,7 +117,7 @@ def _with_offsets(
                 layout.neighbours(pad),
                 scale=scale,
                 reference=reference,
-                cut=cut,
+                cut=cut[own],
             )
         if found is not None:
             new = ~known[own] & ~(tared[pad] & (np.abs(found.offset - offset[own]) <= before.noise[own]))
@@ -172,7 +172,7 @@ def _noise_and_faults(
     """
     noise = _noise(sensor, sample, masked)
     findings = find_faults(sample.windows, noise, masked, sensor.layout)
-    least = lowest_reading(sample.windows) + CERTAIN * noise
+    least = _clipped(sensor, sample.windows) + CERTAIN * noise
     held = np.stack([least, SATURATED_SHARE * full_scale(sensor)])  # at the lowest or largest reading it may be clipped
     off = [found.taxel for found in findings if parameters.mask == "auto" or _is_stuck_within(found, held)]
     if off:
@@ -195,7 +195,27 @@ def _noise(sensor: Sensor, sample: Sample, masked: Bools) -> Floats:
     layout = sensor.layout
     pads = np.repeat(np.arange(layout.pad_count), np.diff(layout.starts[: layout.pad_count + 1]))
     near, ceiling = near_taxels(layout), SATURATED_SHARE * full_scale(sensor)
-    return estimate_noise(sample.windows, masked, pads, near, step=step, unknown=unknown, ceiling=ceiling)
+    lowest = _clipped(sensor, sample.windows) if np.ptp(sensor.channel_map.offset) else None
+    windows = sample.windows
+    return estimate_noise(windows, masked, pads, near, step=step, unknown=unknown, ceiling=ceiling, lowest=lowest)
+
+
+def _clipped(sensor: Sensor, windows: Floats) -> Floats:
+    """(taxels,), readings that would be lower are clipped: numbers end at one value, which offsets of the taxels shift.
+
+    windows: (windows, scans, taxels).
+    """
+    source = sensor.channel_map
+    if not np.ptp(source.offset):
+        return np.full(windows.shape[2], lowest_reading(windows))
+    unit, numbers = sensor.to_si * source.gain, source.polarity * _sent(windows, sensor)
+    levels = levels_of(numbers)
+    if not len(levels):
+        return np.zeros(windows.shape[2])
+    step = 1.0 if sensor.unit == "count" and are_whole(numbers) else step_of(levels)
+    lowest = levels[0] + 0.5 * step + ROUNDING * np.abs(levels).max()
+    clipped: Floats = unit * (lowest - source.polarity * source.offset)
+    return clipped
 
 
 def _sent(windows: Floats, sensor: Sensor) -> Floats:

@@ -99,11 +99,13 @@ def estimate_noise(
     step: float = 0.0,
     unknown: float = 0.0,
     ceiling: Floats | float = np.inf,
+    lowest: Floats | None = None,
 ) -> Floats:
     """(windows, scans, taxels) of raw pressure, NaN where missing -> (taxels,) standard deviation; 0 where masked.
 
     pads: (taxels,), the pad of each. near: (taxels, most), see `near_taxels`. step: quantisation step of the sensor, if
     declared. unknown: the noise to assume while all readings are alike. ceiling: (taxels,), where readings saturate.
+    lowest: (taxels,), where they are clipped below; at the lowest of all if left out.
     """
     noise = np.zeros(len(masked))
     live = _without_repeats(np.where(np.isfinite(windows) & ~masked, windows, np.nan))
@@ -119,9 +121,10 @@ def estimate_noise(
     grid = floor * _LEVELS.ratio ** np.arange(
         1 + max(1.0, np.log(_LEVELS.largest * reach / floor) / np.log(_LEVELS.ratio))
     )
-    cut = float(levels[0]) + 0.5 * max(found_step, step)
+    bottom = np.full(len(masked), levels[0]) if lowest is None else lowest
+    cut = bottom + 0.5 * max(found_step, step) if lowest is None else lowest
     rest = _rest_likelihood(live, near, grid, cut, reach)
-    steady, weight = _steady_likelihood(live, grid, float(levels[0]), pads)
+    steady, weight = _steady_likelihood(live, grid, bottom, pads)
     prior = -0.5 * (np.log(grid / (_LEVELS.likely * reach)) / _LEVELS.likely_log_std) ** 2
     found = _pooled(rest + steady, rest + weight * steady, pads, grid, prior)
     noise[~masked] = np.maximum(found, floor)[~masked]
@@ -156,7 +159,7 @@ def _without_repeats(live: Floats) -> Floats:
     return kept
 
 
-def _rest_likelihood(live: Floats, near: NDArray[np.int64], grid: Floats, cut: float, reach: float) -> Floats:
+def _rest_likelihood(live: Floats, near: NDArray[np.int64], grid: Floats, cut: Floats, reach: float) -> Floats:
     """(taxels, grid), logarithm, by the unloaded readings of windows (windows, scans, taxels); 0 for what has none."""
     per_window = live.shape[1]
     some = live[:: 1 + len(live) * per_window // _REST.scans]
@@ -168,7 +171,7 @@ def _rest_likelihood(live: Floats, near: NDArray[np.int64], grid: Floats, cut: f
     usable = usable[:: 1 + len(readings) * len(usable) // _REST.readings]
     likelihood = np.zeros((live.shape[2], len(grid)))
     if len(usable):
-        likelihood[usable] = rest_likelihood(readings[:, usable], grid, cut, reach)
+        likelihood[usable] = rest_likelihood(readings[:, usable], grid, cut[usable], reach)
     return likelihood
 
 
@@ -187,7 +190,7 @@ def _independent(far: Floats) -> Bools:
     return independent
 
 
-def _steady_likelihood(live: Floats, grid: Floats, bottom: float, pads: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def _steady_likelihood(live: Floats, grid: Floats, bottom: Floats, pads: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """(taxels, grid), logarithm, by the second differences of windows; and the weight (taxels, 1) that makes all taxels
     of a pad count like one: they move together.
     """
@@ -211,7 +214,7 @@ def _steady_likelihood(live: Floats, grid: Floats, bottom: float, pads: NDArray[
     return np.asarray(logsumexp(likelihood, axis=0)), weight[:, np.newaxis]
 
 
-def _window_variances(live: Floats, bottom: float) -> tuple[Floats, Floats, Bools]:
+def _window_variances(live: Floats, bottom: Floats) -> tuple[Floats, Floats, Bools]:
     """(windows, taxels): variance by second differences, NaN where clipped; its degrees of freedom; whether the
     readings lie on a line.
     """

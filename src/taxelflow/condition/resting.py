@@ -102,18 +102,18 @@ def far_from_loads(readings: Floats, near: NDArray[np.int64]) -> Floats:
     return far
 
 
-def find_rest(readings: Floats, noise: Floats | float, cut: float, reach: float) -> Resting:
+def find_rest(readings: Floats, noise: Floats | float, cut: Floats | float, reach: float) -> Resting:
     """Level of the unloaded readings, and which ones are, given the noise.
 
-    readings: (scans, taxels), NaN where missing. noise: (taxels,) or one for all. cut: readings that would be lower are
-    clipped. reach: the largest load there may be.
+    readings: (scans, taxels), NaN where missing. noise, cut: (taxels,) or one for all; readings that would be lower
+    than cut are clipped. reach: the largest load there may be.
     """
     sigma = np.broadcast_to(np.asarray(noise, dtype=np.float64), (1, readings.shape[1]))
     rest = _find_rest(_Readings.of(readings, cut), sigma, reach)
     return Resting(rest.level[0], rest.unloaded[0], rest.likelihood[0])
 
 
-def rest_likelihood(readings: Floats, noises: Floats, cut: float, reach: float) -> Floats:
+def rest_likelihood(readings: Floats, noises: Floats, cut: Floats | float, reach: float) -> Floats:
     """(taxels, noises): `Resting.likelihood` for each of the noises (noises,) common to all taxels; see `find_rest`."""
     prepared = _Readings.of(readings, cut)
     likelihood = np.empty((readings.shape[1], len(noises)))
@@ -136,10 +136,10 @@ class _Readings:
     clipped: Bools
     count: NDArray[np.int64]
     level: Floats
-    cut: float
+    cut: Floats | float
 
     @classmethod
-    def of(cls, readings: Floats, cut: float) -> _Readings:
+    def of(cls, readings: Floats, cut: Floats | float) -> _Readings:
         known = np.isfinite(readings)
         y = np.where(known, readings, cut)
         ranked = np.sort(np.where(known, y, np.inf), axis=0)

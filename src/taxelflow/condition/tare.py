@@ -175,7 +175,7 @@ def find_offsets(
     *,
     scale: float,
     reference: float,
-    cut: float,
+    cut: Floats | float,
 ) -> Offsets | None:
     """Offsets of one pad: by its idle windows, else by the scans in which its taxels are unloaded; None if unknown.
 
@@ -194,7 +194,7 @@ def find_offsets(
             reference = float(np.max(windows, initial=0.0, where=np.isfinite(windows)))
         return at_rest(windows.reshape(-1, windows.shape[2]), reference=reference)
     by_mean = Offsets(mean, noise / windows.shape[1] ** 0.5, np.ones(len(mean), dtype=np.bool_))
-    if (idle[:, :, ~masked] <= cut).mean() < _IDLE.clipped_share:
+    if (idle <= cut)[:, :, ~masked].mean() < _IDLE.clipped_share:
         return by_mean
     some, before = (one[:: 1 + len(one) // _IDLE.clipped_windows].reshape(-1, one.shape[2]) for one in (windows, idle))
     found, alone = at_rest(some), at_rest(before) or by_mean
@@ -212,13 +212,13 @@ def rest_offset(
     near: NDArray[np.int64],
     neighbours: NDArray[np.int64],
     reference: float,
-    cut: float,
+    cut: Floats | float,
 ) -> Offsets | None:
     """Offsets of one pad from the scans in which a taxel and its neighbours are unloaded; None if too few ever are.
 
-    readings: (scans, taxels), NaN where missing. near: (taxels, most), see `near_taxels`. cut: readings that would be
-    lower are clipped. reference: full scale or largest reading, in the same unit; infinite if unknown. The rest is as
-    in `estimate_offset`.
+    readings: (scans, taxels), NaN where missing. near: (taxels, most), see `near_taxels`. cut: (taxels,) or one for
+    all; readings that would be lower are clipped. reference: full scale or largest reading, in the same unit; infinite
+    if unknown. The rest is as in `estimate_offset`.
     """
     live = ~masked
     used = np.where(live & np.isfinite(readings), readings, np.nan)
@@ -228,7 +228,7 @@ def rest_offset(
     reach = max(reference, loudest) if np.isfinite(reference) else loudest / MIN_NOISE_SHARE
     rest = find_rest(far, sigma, cut, reach)
     scans = rest.unloaded.sum(axis=0)
-    lowest = float(np.min(far, initial=cut, where=np.isfinite(far)))
+    lowest = np.minimum(cut, np.min(far, initial=np.inf, where=np.isfinite(far)))
     level, std = np.maximum(rest.level, lowest), sigma / np.sqrt(np.maximum(scans, 1.0))
     known = _never_loaded_left_out(level, std, live & (scans >= _IDLE.scans), near)
     if known.sum() < max(2.0, _IDLE.known_share * live.sum()):
