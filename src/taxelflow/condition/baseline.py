@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.condition.converter import MIN_NOISE_SHARE, are_whole, levels_of, lowest_reading, step_of
+from taxelflow.condition.dead_lines import find_dead_lines
 from taxelflow.condition.health import Finding, find_faults
 from taxelflow.condition.held_load import holds_load
 from taxelflow.condition.noise import estimate_noise
@@ -171,7 +172,11 @@ def _noise_and_faults(
     Those stuck at a load always are: it would count as a contact that never ends, and stop the tare of its pad.
     """
     noise = _noise(sensor, sample, masked)
-    findings = find_faults(sample.windows, noise, masked, sensor.layout)
+    by_taxel = find_dead_lines(sample.windows, noise, masked, sensor.layout)
+    for found in find_faults(sample.windows, noise, masked, sensor.layout):
+        if found.fault != "gain" or found.taxel not in by_taxel:  # the line is why
+            by_taxel[found.taxel] = found
+    findings = tuple(by_taxel[taxel] for taxel in sorted(by_taxel))
     least = _clipped(sensor, sample.windows) + CERTAIN * noise
     held = np.stack([least, SATURATED_SHARE * full_scale(sensor)])  # at the lowest or largest reading it may be clipped
     off = [found.taxel for found in findings if parameters.mask == "auto" or _is_stuck_within(found, held)]

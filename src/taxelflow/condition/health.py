@@ -68,7 +68,7 @@ class _Evidence:
     """Scans from which it is taken, at most: sorting takes time."""
 
 
-_EVIDENCE = _Evidence()
+EVIDENCE = _Evidence()
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ class Finding:
     """A faulty taxel.
 
     taxel: its number in the scan. value: the reading (stuck, offset) or standard deviation (noisy) in SI, the share of
-    readings missing (silent), the factor to its neighbours (gain). ratio: to the pad's other taxels; None where
+    readings missing (silent), the factor to its neighbours (gain, line). ratio: to the pad's other taxels; None where
     theirs is 0 or unknown. scans: how many it was judged on.
     """
 
@@ -102,6 +102,7 @@ class Finding:
             "noisy": f"noise of {value}{times}",
             "offset": f"rests at {value}{times}",
             "gain": f"{self.value:.2g} times its neighbours",
+            "line": f"on a line that reads {self.value:.2g} times those beside it",
         }[self.fault]
         return f"{where} {what} in {self.scans} scans"
 
@@ -123,11 +124,11 @@ def find_faults(windows: Floats, noise: Floats, masked: Bools, layout: Layout) -
     for taxel in np.flatnonzero(2 * counts < len(flat)):
         missing = 1.0 - float(counts[taxel]) / len(flat)
         found[int(taxel)] = Finding(int(taxel), "silent", missing, None, len(flat))
-    visible_noise = noise_floor(flat) * _EVIDENCE.visible_noise_ratio
-    min_offset = _EVIDENCE.min_outlier_share * float(np.max(np.abs(flat), initial=0.0, where=known))
+    visible_noise = noise_floor(flat) * EVIDENCE.visible_noise_ratio
+    min_offset = EVIDENCE.min_outlier_share * float(np.max(np.abs(flat), initial=0.0, where=known))
     for pad in range(layout.pad_count):
         own = layout.of_pad(pad)
-        live = ~masked[own] & (2 * counts[own] >= len(flat)) & (counts[own] >= _EVIDENCE.min_scans)
+        live = ~masked[own] & (2 * counts[own] >= len(flat)) & (counts[own] >= EVIDENCE.min_scans)
         if live.sum() > 2:
             places = np.stack([layout.x_m[own], layout.y_m[own]], axis=1) / layout.pitch_m[pad]
             near = _neighbours(layout, pad)
@@ -158,17 +159,17 @@ class _PadSample:
         lowest = np.min(readings, axis=0, initial=np.inf, where=known)
         highest = np.max(readings, axis=0, initial=-np.inf, where=known)
         self._constant = live & (lowest == highest)
-        self._rest = _rest(readings, lowest)
+        self._rest = resting_level(readings, lowest)
         moving = live & ~self._constant
         self._noise_is_visible = bool(moving.any()) and float(np.median(noise[moving])) > visible_noise
         changes = float(np.median((np.diff(readings, axis=0) != 0).mean(axis=0)[live]))
         constant_share = float(self._constant[live].mean())
-        self._never_constant = changes > _EVIDENCE.max_constant_share and constant_share < _EVIDENCE.max_constant_share
+        self._never_constant = changes > EVIDENCE.max_constant_share and constant_share < EVIDENCE.max_constant_share
         rest = self._rest[live]
         self._usual_rest = float(np.median(rest))
         self._usual_noise = float(np.median(noise[live]))
         spread = max(robust_std(rest, self._usual_rest), self._usual_noise)
-        self._allowed = np.maximum(_EVIDENCE.outlier_sigmas * np.maximum(spread, noise), min_offset)
+        self._allowed = np.maximum(EVIDENCE.outlier_sigmas * np.maximum(spread, noise), min_offset)
         self._outlier = live & (np.abs(self._rest - self._usual_rest) > self._allowed)
 
     def findings(self) -> Iterator[Finding]:
@@ -185,7 +186,7 @@ class _PadSample:
         level = float(self._rest[taxel])
         scans, least, _ = self._loaded_neighbours(taxel)
         alone = self._outlier[taxel] and self._noise_is_visible and not self._beside_outlier(taxel)
-        if len(scans) >= _EVIDENCE.min_loaded_scans:
+        if len(scans) >= EVIDENCE.min_loaded_scans:
             yield Finding(taxel, "stuck", level, _ratio(level, float(np.median(least))), len(scans))
         elif self._never_constant or alone:
             yield Finding(taxel, "stuck", level, _ratio(level, self._usual_rest), len(self._readings))
@@ -195,9 +196,9 @@ class _PadSample:
         if moving.sum() < 3:  # no median of others
             return
         usual = float(np.median(self._noise[moving]))
-        for taxel in np.flatnonzero(moving & (self._noise > _EVIDENCE.noise_ratio * usual)).tolist():
+        for taxel in np.flatnonzero(moving & (self._noise > EVIDENCE.noise_ratio * usual)).tolist():
             near, noise = self._near(taxel), float(self._noise[taxel])
-            if noise > _EVIDENCE.neighbour_noise_ratio * self._noise[near].max(initial=0.0):
+            if noise > EVIDENCE.neighbour_noise_ratio * self._noise[near].max(initial=0.0):
                 yield Finding(taxel, "noisy", noise, _ratio(noise, usual), len(self._readings))
 
     def _offset(self, taxel: int) -> Iterator[Finding]:
@@ -212,11 +213,11 @@ class _PadSample:
         """A hole or a spike among loaded neighbours that stays while the load moves."""
         scans, least, most = self._loaded_neighbours(taxel)
         own = self._readings[scans, taxel] - self._rest[taxel]
-        if len(own) < _EVIDENCE.min_loaded_scans:
+        if len(own) < EVIDENCE.min_loaded_scans:
             return
         if (
-            max((own * _EVIDENCE.gain_ratio < least).mean(), (own > _EVIDENCE.gain_ratio * most).mean())
-            < _EVIDENCE.min_gain_share
+            max((own * EVIDENCE.gain_ratio < least).mean(), (own > EVIDENCE.gain_ratio * most).mean())
+            < EVIDENCE.min_gain_share
         ):
             return
         if self._moves(scans, taxel):
@@ -228,12 +229,12 @@ class _PadSample:
         others = np.where(np.isfinite(self._readings[scans]), self._readings[scans] - self._rest, -np.inf)
         others[:, taxel] = -np.inf
         first, second = np.sort(np.partition(others, -2, axis=1)[:, -2:], axis=1).T[::-1]
-        clear = first - second > _EVIDENCE.load_sigmas * self._usual_noise
-        if len(np.unique(np.argmax(others[clear], axis=1))) >= _EVIDENCE.min_peak_places:
+        clear = first - second > EVIDENCE.load_sigmas * self._usual_noise
+        if len(np.unique(np.argmax(others[clear], axis=1))) >= EVIDENCE.min_peak_places:
             return True
-        load = np.where(others > _EVIDENCE.load_sigmas * self._usual_noise, others, 0.0)
+        load = np.where(others > EVIDENCE.load_sigmas * self._usual_noise, others, 0.0)
         centre = load @ self._places / load.sum(axis=1, keepdims=True)
-        return bool(np.ptp(centre, axis=0).max() >= _EVIDENCE.min_travel)
+        return bool(np.ptp(centre, axis=0).max() >= EVIDENCE.min_travel)
 
     def _near(self, taxel: int) -> NDArray[np.int64]:
         row = self._neighbours[taxel]
@@ -247,11 +248,11 @@ class _PadSample:
     def _loaded_neighbours(self, taxel: int) -> tuple[NDArray[np.int64], Floats, Floats]:
         """Scans in which all its neighbours are loaded, and the least and the largest of their loads then."""
         near = self._near(taxel)
-        if len(near) < _EVIDENCE.min_neighbours or not self._live[near].all():
+        if len(near) < EVIDENCE.min_neighbours or not self._live[near].all():
             return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
         load = self._readings[:, near] - self._rest[near]
         least, most = load.min(axis=1), load.max(axis=1)
-        scans = np.flatnonzero(least > _EVIDENCE.load_sigmas * self._usual_noise)
+        scans = np.flatnonzero(least > EVIDENCE.load_sigmas * self._usual_noise)
         return scans, least[scans], most[scans]
 
     def _others_at_rest(self, taxel: int) -> NDArray[np.int64]:
@@ -263,12 +264,10 @@ class _PadSample:
             return none
         with np.errstate(invalid="ignore"):
             load = self._readings[:, others] - self._rest[others]
-            loaded = (load > _EVIDENCE.load_sigmas * self._noise[others]).any(axis=1)
+            loaded = (load > EVIDENCE.load_sigmas * self._noise[others]).any(axis=1)
         at_rest = np.flatnonzero(~loaded)
         return (
-            at_rest
-            if len(at_rest) >= _EVIDENCE.min_loaded_scans and loaded.sum() >= _EVIDENCE.min_loaded_scans
-            else none
+            at_rest if len(at_rest) >= EVIDENCE.min_loaded_scans and loaded.sum() >= EVIDENCE.min_loaded_scans else none
         )
 
 
@@ -283,11 +282,11 @@ def _neighbours(layout: Layout, pad: int) -> NDArray[np.int64]:
     return np.array([[*some, *[-1] * (most - len(some))] for some in near], dtype=np.int64).reshape(len(near), most)
 
 
-def _rest(readings: Floats, lowest: Floats) -> Floats:
+def resting_level(readings: Floats, lowest: Floats) -> Floats:
     """(taxels,) where a taxel rests: at the lowest decile of its readings."""
-    some = readings[:: 1 + len(readings) // _EVIDENCE.max_rest_scans]
+    some = readings[:: 1 + len(readings) // EVIDENCE.max_rest_scans]
     ranked = np.sort(np.where(np.isfinite(some), some, np.inf), axis=0)
-    place = np.isfinite(some).sum(axis=0) // _EVIDENCE.rest_divisor
+    place = np.isfinite(some).sum(axis=0) // EVIDENCE.rest_divisor
     rest: Floats = ranked[place, np.arange(readings.shape[1])]
     return np.where(np.isfinite(rest), rest, lowest)
 

@@ -34,10 +34,10 @@ class TaxelFinding(msgspec.Struct, frozen=True):
     row: int
     col: int
     fault: str
-    """silent, stuck, noisy, offset or gain."""
+    """silent, stuck, noisy, offset, gain or line."""
     value: float
     """The reading (stuck, offset) or noise (noisy) in the sensor's unit, the share of readings missing (silent), the
-    factor to its neighbours (gain)."""
+    factor to its neighbours (gain, line)."""
     ratio: float | None
     """To what the pad's other taxels do."""
     scans: int
