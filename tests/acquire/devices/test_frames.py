@@ -7,13 +7,13 @@ import struct
 import pytest
 
 from streaming import PALM
-from taxelflow.acquire.devices.base import Arrival, Faults
+from taxelflow.acquire.devices.base import Arrival, Faults, Parser
 from taxelflow.acquire.devices.dsa import POLYNOMIAL, DsaParser, Message, cells_of
 from taxelflow.acquire.devices.dsa import frame as dsa_frame
 from taxelflow.acquire.devices.frames import FrameParser, crc_table
 from taxelflow.acquire.devices.line import LineParser
 from taxelflow.acquire.devices.timeline import Timeline
-from taxelflow.acquire.devices.udp import _Whole
+from taxelflow.acquire.devices.udp import whole
 from taxelflow.sensors.frame import Frame
 
 SPAN_S = 2.0**32 * 1e-6
@@ -24,7 +24,7 @@ def frame(t_s: float) -> bytes:
     return b"\xaa\x55" + struct.pack("<IH", round(t_s * 1e6) % 2**32, 7)
 
 
-def times(parser: FrameParser | _Whole, *t_s: float) -> list[float]:
+def times(parser: Parser, *t_s: float) -> list[float]:
     return [found for t in t_s for found, _ in parser.feed(frame(t)) if found is not None]
 
 
@@ -47,7 +47,7 @@ def test_a_clock_that_wraps_goes_on(parser: FrameParser) -> None:
 
 def test_a_clock_that_wraps_between_datagrams_goes_on(parser: FrameParser) -> None:
     sent = [SPAN_S - 0.01, SPAN_S + 0.01, SPAN_S + 0.02]
-    assert times(_Whole(parser), *sent) == pytest.approx(sent)
+    assert times(whole(parser), *sent) == pytest.approx(sent)
 
 
 def test_a_clock_that_wraps_while_the_connection_is_lost_goes_on(parser: FrameParser) -> None:
@@ -63,7 +63,7 @@ def test_a_device_that_starts_again_has_not_wrapped(parser: FrameParser) -> None
 
 def test_a_datagram_that_a_wrap_has_overtaken_is_of_the_time_before(parser: FrameParser) -> None:
     sent = [SPAN_S - 0.03, SPAN_S - 0.02, SPAN_S + 0.01, SPAN_S - 0.01, SPAN_S + 0.02]
-    assert times(_Whole(parser), *sent) == pytest.approx(sent)
+    assert times(whole(parser), *sent) == pytest.approx(sent)
 
 
 def test_a_run_of_50_days_of_the_dsa_goes_on_without_a_gap() -> None:

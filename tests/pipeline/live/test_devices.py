@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from streaming import PALM, free_port, opened
 from taxelflow import load_sensor
 from taxelflow.acquire.devices.barrett import ASKED, CAN_FRAME, PUCKS, BarrettParser, frames_of
-from taxelflow.acquire.devices.base import Faults
+from taxelflow.acquire.devices.base import Faults, WholeMessages
 from taxelflow.acquire.devices.dsa import DsaParser
 from taxelflow.acquire.devices.frames import FrameParser
 from taxelflow.acquire.devices.inspire import ModbusHand
@@ -261,7 +261,7 @@ PARSERS = {
     "bare frames": lambda faults: FrameParser(Frame("AA"), 2, faults, timed=True),
     "dsa": lambda faults: DsaParser(PALM.layout, faults, 0x8408),
     "barrett": BarrettParser,
-    "xela": lambda faults: XelaParser(48, faults),
+    "xela": lambda faults: WholeMessages(XelaParser(48, faults).feed),
 }
 PIECES = st.lists(
     st.one_of(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from taxelflow.sensors.channels import doubted_number
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from types import TracebackType
     from typing import Self
 
@@ -110,6 +110,20 @@ class Parser(Protocol):
 
     def restart(self) -> None:
         """Forget a scan of which a part has come: the connection was lost."""
+
+
+class WholeMessages:
+    """A parser of pieces that are whole messages, by a function that reads one: nothing is held between them."""
+
+    def __init__(self, feed: Callable[[bytes], list[tuple[float | None, Floats]]]) -> None:
+        self.feed = feed
+
+    def end(self) -> list[tuple[float | None, Floats]]:
+        """See `Parser`."""
+        return []
+
+    def restart(self) -> None:
+        """See `Parser`."""
 
 
 class Backoff:

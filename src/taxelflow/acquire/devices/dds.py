@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.acquire.devices.base import POLL_S, Faults
+from taxelflow.acquire.devices.base import POLL_S, Faults, WholeMessages
 from taxelflow.acquire.devices.rosbridge import asked_kind
 from taxelflow.acquire.devices.streams import PATIENCE, ByteSource, is_timed, need_sensor, refuse_device_time
 from taxelflow.acquire.ros.columns import columns_of
@@ -134,15 +134,8 @@ class CdrParser:
         self._decoder = Decoder(Topic("", message_type, None, "cdr"), kind)
         self._sensor, self._kind, self._faults, self._timed = sensor, kind, faults, timed
 
-    def restart(self) -> None:
-        """Nothing is held."""
-
-    def end(self) -> list[tuple[float | None, Floats]]:
-        """Nothing is held."""
-        return []
-
     def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
-        """See `Parser`."""
+        """See `WholeMessages`."""
         try:
             (t_s, parts), named = self._decoder.one(received), self._decoder.part_names(received)
         except Exception as error:  # the parser's errors for a damaged message
@@ -195,4 +188,5 @@ def inspire(address: Address, sensor: Sensor | None) -> ByteSource:
 def _source(address: Address, sensor: Sensor | None, topic: str, name: str, kind: Kind, *, timed: bool) -> ByteSource:
     sensor, faults = in_unit_of(kind, need_sensor(address, sensor)), Faults()
     reader = DdsReader(domain_of(address), topic, dds_type(store_of(name, "", "", kind.definition), name))
-    return ByteSource(address, sensor, reader, CdrParser(sensor, name, kind, faults, timed=timed), faults)
+    parser = CdrParser(sensor, name, kind, faults, timed=timed)
+    return ByteSource(address, sensor, reader, WholeMessages(parser.feed), faults)

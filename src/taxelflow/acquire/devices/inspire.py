@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.acquire.devices.base import POLL_S, Faults
+from taxelflow.acquire.devices.base import POLL_S, Faults, WholeMessages
 from taxelflow.acquire.devices.streams import PATIENCE, STREAM_OPTIONS, ByteSource, need_sensor, refuse_device_time
 from taxelflow.errors import ExtraMissing, TaxelCountWrong
 
@@ -128,19 +128,9 @@ def _unheard() -> Iterator[None]:
         library.removeFilter(of_others)
 
 
-class _Int16:
-    """A piece is a scan of int16."""
-
-    def restart(self) -> None:
-        """Nothing is held."""
-
-    def end(self) -> list[tuple[float | None, Floats]]:
-        """Nothing is held."""
-        return []
-
-    def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
-        """See `Parser`."""
-        return [(None, np.frombuffer(received, np.int16).astype(np.float64))]
+def _scan_of(received: bytes) -> list[tuple[float | None, Floats]]:
+    """See `WholeMessages`: a piece is a scan of int16."""
+    return [(None, np.frombuffer(received, np.int16).astype(np.float64))]
 
 
 def connect(address: Address, sensor: Sensor | None) -> ByteSource:
@@ -155,4 +145,4 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
         raise TaxelCountWrong("the hand", sum(PADS), sensor.name, sensor.channel_map.columns)
     rate_hz = address.number("rate", 50.0, 0.1)
     hand = ModbusHand(address.host or "127.0.0.1", address.port or MODBUS.port, sensor.channel_map.columns, rate_hz)
-    return ByteSource(address, sensor, hand, _Int16(), Faults())
+    return ByteSource(address, sensor, hand, WholeMessages(_scan_of), Faults())

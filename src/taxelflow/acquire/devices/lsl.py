@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taxelflow.acquire.devices.base import CONNECT_S, POLL_S, Faults
+from taxelflow.acquire.devices.base import CONNECT_S, POLL_S, Faults, WholeMessages
 from taxelflow.acquire.devices.streams import PATIENCE, ByteSource, need_sensor
 from taxelflow.errors import AddressInvalid, ExtraMissing
 
@@ -147,15 +147,8 @@ class LslParser:
     def __init__(self, columns: int, faults: Faults, *, timed: bool) -> None:
         self._columns, self._faults, self._timed = columns, faults, timed
 
-    def restart(self) -> None:
-        """Nothing is held."""
-
-    def end(self) -> list[tuple[float | None, Floats]]:
-        """Nothing is held."""
-        return []
-
     def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
-        """See `Parser`."""
+        """See `WholeMessages`."""
         numbers = np.frombuffer(received)
         if numbers[0] != self._columns:
             self._faults.count("bad message", f"{numbers[0]:.0f} channels, {self._columns} expected")
@@ -170,4 +163,4 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     sensor, faults = need_sensor(address, sensor), Faults()
     timed = address.choice("time", ("device", "arrival")) == "device"
     inlet, parser = Inlet(address), LslParser(sensor.channel_map.columns, faults, timed=timed)
-    return ByteSource(address, sensor, inlet, parser, faults)
+    return ByteSource(address, sensor, inlet, WholeMessages(parser.feed), faults)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from taxelflow.acquire.devices.base import Faults
+from taxelflow.acquire.devices.base import Faults, WholeMessages
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, is_timed, need_sensor
 from taxelflow.acquire.devices.websocket import WebSocket
 from taxelflow.acquire.ros.columns import columns_of
@@ -38,15 +38,8 @@ class RosbridgeParser:
     def __init__(self, sensor: Sensor, kind: Kind | None, faults: Faults, *, timed: bool) -> None:
         self._sensor, self._kind, self._faults, self._timed = sensor, kind, faults, timed
 
-    def restart(self) -> None:
-        """Nothing is held."""
-
-    def end(self) -> list[tuple[float | None, Floats]]:
-        """Nothing is held."""
-        return []
-
     def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
-        """See `Parser`."""
+        """See `WholeMessages`."""
         try:
             message = msgspec.json.decode(received, type=dict[str, Any])
             if message.get("op") == "service_response":
@@ -116,4 +109,5 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
         wants["type"] = address.options["type"]
     greeting = [json.dumps(message) for message in ([wants] if kind is not None else [asks, wants])]
     socket = WebSocket(f"ws://{authority(address.host or '127.0.0.1', address.port or PORT)}", greeting)
-    return ByteSource(address, sensor, socket, RosbridgeParser(sensor, kind, faults, timed=timed), faults)
+    parser = RosbridgeParser(sensor, kind, faults, timed=timed)
+    return ByteSource(address, sensor, socket, WholeMessages(parser.feed), faults)

@@ -7,7 +7,7 @@ import select
 import socket
 from typing import TYPE_CHECKING
 
-from taxelflow.acquire.devices.base import POLL_S, Faults
+from taxelflow.acquire.devices.base import POLL_S, Faults, WholeMessages
 from taxelflow.acquire.devices.streams import PATIENCE, ByteSource, need_sensor, parser_of
 from taxelflow.runtime.endpoints import place_of
 
@@ -63,29 +63,20 @@ class _Datagrams:
             self._socket.close()
 
 
-class _Whole:
+def whole(parser: Parser) -> WholeMessages:
     """A parser for whose stream every piece ends a scan."""
 
-    def __init__(self, parser: Parser) -> None:
-        self._parser = parser
-
-    def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
-        """See `Parser`."""
-        scans = self._parser.feed(received) + self._parser.end()
-        self._parser.restart()
+    def feed(received: bytes) -> list[tuple[float | None, Floats]]:
+        scans = parser.feed(received) + parser.end()
+        parser.restart()
         return scans
 
-    def end(self) -> list[tuple[float | None, Floats]]:
-        """Nothing is held."""
-        return []
-
-    def restart(self) -> None:
-        """Nothing is held."""
+    return WholeMessages(feed)
 
 
 def listen(address: Address, sensor: Sensor | None) -> ByteSource:
     """`udp-listen://HOST:PORT`. Raises AddressInvalid, SensorNeeded."""
     address.check_options(("time", "format", "timeout", "time-unit"))
     sensor, faults = need_sensor(address, sensor), Faults()
-    parser = _Whole(parser_of(address, sensor, faults))
+    parser = whole(parser_of(address, sensor, faults))
     return ByteSource(address, sensor, _Datagrams(address.endpoint), parser, faults)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from taxelflow.acquire.devices.base import Faults
+from taxelflow.acquire.devices.base import Faults, WholeMessages
 from taxelflow.acquire.devices.streams import STREAM_OPTIONS, ByteSource, is_timed, need_sensor
 from taxelflow.acquire.devices.websocket import WebSocket
 from taxelflow.runtime.endpoints import authority
@@ -27,20 +27,13 @@ PORT = 5000
 
 
 class XelaParser:
-    """A scan a message: the numbers of all its sensors, by their numbers. timed: whether their clock is used."""
+    """Reads a scan a message: the numbers of all its sensors, by their numbers. timed: whether their clock is used."""
 
     def __init__(self, columns: int, faults: Faults, *, timed: bool = True) -> None:
         self._columns, self._faults, self._timed = columns, faults, timed
 
-    def restart(self) -> None:
-        """Nothing is held."""
-
-    def end(self) -> list[tuple[float | None, Floats]]:
-        """Nothing is held."""
-        return []
-
     def feed(self, received: bytes) -> list[tuple[float | None, Floats]]:
-        """See `Parser`."""
+        """See `WholeMessages`."""
         try:
             message: dict[str, Any] = msgspec.json.decode(received, type=dict[str, Any])
             sensors = [message[key] for key in sorted(filter(str.isdecimal, message), key=int)]
@@ -64,4 +57,4 @@ def connect(address: Address, sensor: Sensor | None) -> ByteSource:
     sensor, faults = need_sensor(address, sensor), Faults()
     url = f"ws://{authority(address.host or '127.0.0.1', address.port or PORT)}"
     parser = XelaParser(sensor.channel_map.columns, faults, timed=is_timed(address))
-    return ByteSource(address, sensor, WebSocket(url), parser, faults)
+    return ByteSource(address, sensor, WebSocket(url), WholeMessages(parser.feed), faults)
