@@ -62,11 +62,8 @@ class ThresholdSession:
         image = touch.pressure / max(float(touch.pressure.sum()), 1.0)
         changed = float(np.abs(image - self._last).sum()) if len(self._last) else 0.0
         self._last = image
-        if changed > self._p.change:
-            self._force_n *= self._p.up
-        else:
-            self._force_n = relaxed(self._force_n, self._p.relax_1_s, touch.dt_s)
-        self._force_n = min(self._force_n, self._most_n)
+        slips = changed > self._p.change
+        self._force_n = min(_changed(self._force_n, self._p, touch.dt_s, slips=slips), self._most_n)
         return self._force_n
 
 
@@ -96,10 +93,11 @@ class CentroidSpeedSession:
     def step(self, touch: Touch) -> float:
         """The force to command, N."""
         speeds = np.hypot(touch.velocity[:, 0], touch.velocity[:, 1])
-        fast = bool((speeds[np.isfinite(speeds)] > self._p.speed_m_s).any())
-        if fast:
-            self._force_n *= self._p.up
-        else:
-            self._force_n = relaxed(self._force_n, self._p.relax_1_s, touch.dt_s)
-        self._force_n = min(self._force_n, self._most_n)
+        slips = bool((speeds[np.isfinite(speeds)] > self._p.speed_m_s).any())
+        self._force_n = min(_changed(self._force_n, self._p, touch.dt_s, slips=slips), self._most_n)
         return self._force_n
+
+
+def _changed(force_n: float, parameters: Threshold | CentroidSpeed, dt_s: float, *, slips: bool) -> float:
+    """The force after a scan: more if the object slips, else a little less."""
+    return force_n * parameters.up if slips else relaxed(force_n, parameters.relax_1_s, dt_s)
