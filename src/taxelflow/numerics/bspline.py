@@ -137,21 +137,11 @@ def value_at(c: Floats, x: float, y: float) -> tuple[float, float, float]:
 
 @inlined
 def by_state(u: float, w: float, qu: float, qw: float, cos: float, sin: float) -> tuple[float, float, float, float]:
-    """Derivatives of q by x, y, theta, s, from its slopes qu, qw at (u, w) from the object; cos, sin as in `seen`."""
-    return qw * sin - qu * cos, -qw * cos - qu * sin, qu * w - qw * u, -qu * u - qw * w
+    """Derivatives of q by x, y, theta, s, from its slopes qu, qw at (u, w) from the object, in knots.
 
-
-@inlined
-def seen(
-    c: Floats, left: float, low: float, cos: float, sin: float, dx: float, dy: float
-) -> tuple[float, float, float, float, float]:
-    """q at (dx, dy) from the object, and its derivatives by x, y, theta, s; q is NaN off the lattice.
-
-    cos, sin: of theta, times exp(-s) / h. left, low: place of knot (0, 0), in knots.
+    cos, sin: of theta, times exp(-s) / h.
     """
-    u, w = cos * dx + sin * dy, cos * dy - sin * dx
-    q, qu, qw = value_at(c, u - left, w - low)
-    return (q, *by_state(u, w, qu, qw, cos, sin))
+    return qw * sin - qu * cos, -qw * cos - qu * sin, qu * w - qw * u, -qu * u - qw * w
 
 
 @kernel
@@ -172,7 +162,9 @@ def evaluate(c: Floats, lattice: Floats, places: Floats, state: Floats, bend: Fl
             dx -= bend[0, i]
             dy -= bend[1, i]
             cos, sin = scale * np.cos(at.theta + bend[2, i]), scale * np.sin(at.theta + bend[2, i])
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = seen(c, left, low, cos, sin, dx, dy)
+        u, w = cos * dx + sin * dy, cos * dy - sin * dx
+        out[i, 0], qu, qw = value_at(c, u - left, w - low)
+        out[i, 1], out[i, 2], out[i, 3], out[i, 4] = by_state(u, w, qu, qw, cos, sin)
 
 
 @kernel
