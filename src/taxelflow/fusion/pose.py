@@ -22,8 +22,8 @@ from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.rounding import LINEAR_RAD, NEGLIGIBLE
 from taxelflow.numerics.se2 import rotate, rotate_back
-from taxelflow.numerics.se3 import copy_matrix, count_true
-from taxelflow.numerics.small_linalg import inverse2
+from taxelflow.numerics.se3 import count_true
+from taxelflow.numerics.small_linalg import copy_matrix, inverse2
 from taxelflow.runtime.compiling import kernel, routine
 
 

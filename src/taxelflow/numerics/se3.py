@@ -155,14 +155,6 @@ def cholesky(a: Floats, root: Floats, n: int) -> None:
 
 
 @lean_kernel
-def copy_matrix(a: Floats, out: Floats) -> None:
-    """Fill out (n, m) with a (n, m)."""
-    for i in range(a.shape[0]):
-        for j in range(a.shape[1]):
-            out[i, j] = a[i, j]
-
-
-@lean_kernel
 def count_true(flags: Bools) -> int:
     """Number of flags (n,) that are set."""
     count = 0

@@ -148,11 +148,11 @@ def solve_factored(a: Floats, b: Floats, n: int) -> None:
 
 
 @lean_kernel
-def copy(matrix: Floats, other: Floats) -> None:
-    """Fill another matrix (n, n) with this one."""
-    for a in range(len(matrix)):
-        for b in range(len(matrix)):
-            other[a, b] = matrix[a, b]
+def copy_matrix(a: Floats, out: Floats) -> None:
+    """Fill out (n, m) with a (n, m)."""
+    for i in range(a.shape[0]):
+        for j in range(a.shape[1]):
+            out[i, j] = a[i, j]
 
 
 @routine

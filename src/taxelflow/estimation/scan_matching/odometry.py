@@ -58,7 +58,7 @@ from taxelflow.numerics.centroid import CELL_ERROR, loaded_centroid
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import gate
 from taxelflow.numerics.rounding import NEGLIGIBLE, OBSERVABLE
-from taxelflow.numerics.small_linalg import copy
+from taxelflow.numerics.small_linalg import copy_matrix
 from taxelflow.runtime.compiling import kernel, routine
 
 if TYPE_CHECKING:
@@ -182,7 +182,7 @@ def advance(
     drift(g, points, share, fit.state, track.drift)
     own = covariance(g, points, excess)
     if begins:
-        copy(own, track.covariance)
+        copy_matrix(own, track.covariance)
     else:
         update_yaw(track, turns)
         earlier = np.zeros((3, len(now)))

@@ -11,7 +11,7 @@ from taxelflow.estimation.template.map import Surface
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, State, put, state_of
 from taxelflow.numerics.rounding import NEGLIGIBLE
-from taxelflow.numerics.small_linalg import copy, factor5, mirror, solved5
+from taxelflow.numerics.small_linalg import copy_matrix, factor5, mirror, solved5
 from taxelflow.runtime.compiling import kernel, lean_kernel
 
 
@@ -91,7 +91,7 @@ def refine_state(
             best, best_chi, count = cost, chi, used
             for a in range(STATE):
                 kept[a], best_right[a] = state[a], right[a]
-            copy(normal, information)
+            copy_matrix(normal, information)
             damping = max(damping * 0.2, _STEPS.least)
             if gained < _STEPS.enough:
                 break

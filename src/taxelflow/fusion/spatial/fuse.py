@@ -25,7 +25,8 @@ from taxelflow.fusion.spatial.twist import (
 from taxelflow.fusion.spatial.window import Seen, Velocities, put_under, rates
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.records import Records
-from taxelflow.numerics.se3 import compose, copy_matrix, count_true
+from taxelflow.numerics.se3 import compose, count_true
+from taxelflow.numerics.small_linalg import copy_matrix
 from taxelflow.runtime.compiling import kernel, routine
 
 

@@ -28,7 +28,8 @@ from taxelflow.fusion.spatial.window import Seen, put_under, turned
 from taxelflow.messages import Floats
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.rounding import LEAST_VARIANCE_M2, NEGLIGIBLE
-from taxelflow.numerics.se3 import carried, cholesky, compose, copy_matrix, exponential, invert, multiply, planar_rows
+from taxelflow.numerics.se3 import carried, cholesky, compose, exponential, invert, multiply, planar_rows
+from taxelflow.numerics.small_linalg import copy_matrix
 from taxelflow.runtime.compiling import routine
 
 _SMALLEST_STEP = 1e-7

@@ -14,8 +14,8 @@ import numpy as np
 
 from taxelflow.fusion.observability import BLIND
 from taxelflow.messages import Floats
-from taxelflow.numerics.se3 import copy_matrix, eigen_symmetric
-from taxelflow.numerics.small_linalg import factor_small, mirror, solve_factored
+from taxelflow.numerics.se3 import eigen_symmetric
+from taxelflow.numerics.small_linalg import copy_matrix, factor_small, mirror, solve_factored
 from taxelflow.runtime.compiling import lean_kernel, routine
 
 

@@ -14,8 +14,7 @@ from taxelflow.fusion.reference import UNOBSERVABLE_M_S
 from taxelflow.messages import Bools, Floats
 from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.rounding import LINE_POINTS
-from taxelflow.numerics.se3 import copy_matrix
-from taxelflow.numerics.small_linalg import mirror
+from taxelflow.numerics.small_linalg import copy_matrix, mirror
 from taxelflow.runtime.compiling import inlined, lean_kernel, routine
 
 _SMALL = 0.01

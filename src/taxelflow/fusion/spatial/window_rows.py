@@ -10,7 +10,8 @@ from taxelflow.fusion.spatial.window import Seen
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED, Bools, Bytes, Floats
 from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.records import Records
-from taxelflow.numerics.se3 import compose, copy_matrix
+from taxelflow.numerics.se3 import compose
+from taxelflow.numerics.small_linalg import copy_matrix
 from taxelflow.runtime.compiling import exact_kernel, routine
 
 

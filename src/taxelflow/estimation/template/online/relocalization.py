@@ -13,7 +13,7 @@ from taxelflow.estimation.template.online.explained import UNEXPLAINED, unexplai
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import STATE, put, state_of, states_of
 from taxelflow.numerics.robust import HUBER, gate
-from taxelflow.numerics.small_linalg import copy
+from taxelflow.numerics.small_linalg import copy_matrix
 from taxelflow.runtime.compiling import kernel
 from taxelflow.runtime.settled import Settled
 
@@ -86,7 +86,7 @@ def _best_of(
             continue
         best, best_chi, best_count = cost, chi, count
         put(state_of(trial), state)
-        copy(found, information)
+        copy_matrix(found, information)
     return best_chi, best_count
 
 

@@ -31,7 +31,7 @@ from taxelflow.numerics.centroid import CELL_ERROR, LOADED, centroid_covariance
 from taxelflow.numerics.cut import find_hidden
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.robust import CHEAPER, GATE, HUBER, gate
-from taxelflow.numerics.small_linalg import copy, mirror
+from taxelflow.numerics.small_linalg import copy_matrix, mirror
 from taxelflow.runtime.compiling import lean_kernel
 
 _PREDICTED, _AS_BEFORE, _WITH_CENTROID, _LOOSE, _TURNS, _GROWS, _ATTEMPTS = range(7)
@@ -118,7 +118,7 @@ def _follow_pad(
         search = Search(states, span, usual, grown_std, False, False, False)
         chi = _search(Surface(surface.c, surface.doubt[:0], surface.lattice), taxels, search, m)
         pack_readings(scan.reading, scan.variance, scan.ceiling, error, taxels)
-    copy(m.information, m.step)
+    copy_matrix(m.information, m.step)
     m.chi = chi
     frame = frame_of(surface.lattice, m.state[:])
     look_up(surface, frame, taxels)
@@ -157,7 +157,7 @@ def _judge(
     m.strange = True
     if unseen <= error:
         m.unexplained = unexplained(frame, taxels, error, m.shift[:])
-        copy(m.information, m.doubted)
+        copy_matrix(m.information, m.doubted)
         return
     more = unseen * unseen - error * error
     least = LOADED.skirt * level
@@ -233,7 +233,7 @@ def _search(surface: Surface, taxels: Packed, search: Search, m: Track) -> float
         if cost < best - (CHEAPER if attempt < _TURNS else of_turn):
             best, best_chi, m.count = cost, chi / max(count, 1), count
             put(state_of(trial), m.state)
-            copy(found, m.information)
+            copy_matrix(found, m.information)
             _learn_freedom(attempt, m)
         if best_chi <= GATE * search.usual and not search.leaves_more:
             break
