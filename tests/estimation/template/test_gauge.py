@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from estimation.template.test_map_update import keyframes_of
 from estimation.template.test_taxel_gains import sliding
-from taxelflow.estimation.template.online.gauge import Reported, hold
+from taxelflow.estimation.template.hypotheses import solve
+from taxelflow.estimation.template.online.gauge import Reported, align_gauge, hold, turn_of_frame
 from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import LocalMap
 from taxelflow.estimation.template.online.track_state import Track
@@ -171,3 +172,21 @@ def test_places_of_a_contact_before_are_left_out() -> None:
     hold(m, learned, reported, PITCH_M)
     assert len(reported.places) == 1
     np.testing.assert_allclose(np.hypot(*m.gauge), np.sqrt(2.0))
+
+
+@pytest.mark.parametrize("angle", [np.pi, 2.0 * np.pi / 3.0])
+def test_a_frame_goes_with_the_newest_contact_where_its_object_is_found_at_another_angle(angle: float) -> None:
+    """An object that looks the same after a turn: the map has turned its last eight keyframes by that much."""
+    scanned, at, _ = sliding(0.0)
+    known = replace(keyframes_of(scanned, at, np.ones(scanned.readings.shape[1])), turns=True)
+    before, last, middle = known.keyframes.states, slice(-8, None), np.array([0.8, -0.5])
+    before[:, 2] = np.linspace(0.0, 0.7, len(before))
+    best = replace(solve(scanned), states=before.copy(), turns=True)
+    best.states[last, 2] -= angle
+    best.states[last, :2] += turned(middle, before[last, 2]) - turned(middle, best.states[last, 2])
+    turn, alike = turn_of_frame(before, best, known)
+    assert turn == pytest.approx(-angle)
+    np.testing.assert_array_equal(np.flatnonzero(alike), np.arange(len(before))[last])
+    states, _, off = align_gauge(before, best, scanned, turn, alike)
+    np.testing.assert_allclose(states[last, :2], before[last, :2], atol=1e-9)
+    np.testing.assert_allclose(off[last], 0.0, atol=1e-9)

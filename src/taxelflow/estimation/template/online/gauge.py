@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from taxelflow.estimation.template.online.track_state import KEYFRAMES
 from taxelflow.estimation.template.online.witness import reported_places
 from taxelflow.estimation.template.pose_output import arm_of
 from taxelflow.estimation.template.solution import shown_centre
@@ -22,24 +23,42 @@ from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of, states_of
 from taxelflow.numerics.geometry import turned
 from taxelflow.numerics.records import Records, records
-from taxelflow.numerics.rounding import BLURRED
+from taxelflow.numerics.rounding import BLURRED, LINEAR_RAD
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.estimation.template.online.keyframes import Keyframes
     from taxelflow.estimation.template.online.local_map import LocalMap
     from taxelflow.estimation.template.online.track_state import Track
     from taxelflow.estimation.template.solution import Solved
+    from taxelflow.messages import Bools
 
 
-def align_gauge(before: Floats, best: Solved, scanned: Scanned, turn: float) -> tuple[Floats, Floats, Floats]:
+def turn_of_frame(before: Floats, best: Solved, known: LocalMap) -> tuple[float, Bools]:
+    """By how much theta of a solved contact differs from that before (n, 5), the median, and over which (n,) keyframes.
+
+    An object that looks the same at several angles may be found at another of them in the keyframes of one contact
+    only. The object that is followed goes with the newest keyframe, so those that have turned otherwise do not count.
+    """
+    counts = np.ones(len(before), np.bool_)
+    apart = states_of(best.states).theta - states_of(before).theta
+    if not best.turns:
+        return 0.0, counts
+    if not known.turns:
+        return float(np.median(apart[: KEYFRAMES.same])), counts  # later ones had turned before it was noticed
+    counts = np.abs(apart - apart[-1]) < LINEAR_RAD
+    return float(np.median(apart[counts])), counts
+
+
+def align_gauge(
+    before: Floats, best: Solved, scanned: Scanned, turn: float, alike: Bools
+) -> tuple[Floats, Floats, Floats]:
     """States (n, 5) of a solved contact in the frame of those before (n, 5), the origin (2,) of a frame that grows, and
     how far the states are from those before (n, 5), x and y at the centre of pressure.
 
-    turn: by how much theta differs, the median.
+    turn, alike: see `turn_of_frame`.
     """
     away = np.array([0.0, 0.0, turn, 0.0, 0.0])
     if best.grows:
@@ -49,19 +68,20 @@ def align_gauge(before: Floats, best: Solved, scanned: Scanned, turn: float) -> 
     shown = shown_centre(scanned, before)
     middle = np.zeros(2) if shown is None else shown
     arms = arm_of(middle, best.states - away) - arm_of(middle, before)
-    states = _fix_gauge(best.states, before[:, :2] - arms, best.fit.covariance, best.pattern)
+    states = _fix_gauge(best.states, before[:, :2] - arms, best, alike)
     off = states - before - away
     off[:, :2] += arms
     return states, np.zeros(2), off
 
 
-def _fix_gauge(states: Floats, before: Floats, covariance: Floats, pattern: Pattern) -> Floats:
+def _fix_gauge(states: Floats, before: Floats, best: Solved, alike: Bools) -> Floats:
     """States (n, 5) with the object's frame shifted, and the pattern with it, so that most are where they were, (n, 2).
 
-    It is their median that stays, weighted by the inverse variance, covariance (n, 5, 5): some may have been wrong
+    It is the median of those that are alike (n,) that stays, weighted by the inverse variance: some may have been wrong
     before. Only the origin moves: a turned lattice would have to be learned again.
     """
-    weight = 1.0 / (covariance[:, 0, 0] + covariance[:, 1, 1])
+    covariance, pattern = best.fit.covariance, best.pattern
+    weight = alike / (covariance[:, 0, 0] + covariance[:, 1, 1])
     theta = states_of(states).theta
     gap = turned(before - states[:, :2], -theta)
     body = np.array([_weighted_median(along, weight) for along in gap.T])

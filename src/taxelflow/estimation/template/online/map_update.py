@@ -18,7 +18,7 @@ from taxelflow.estimation.template.initialization import FIRST_GAIN_STD, SCHEDUL
 from taxelflow.estimation.template.likelihood import cost, touched
 from taxelflow.estimation.template.map import covering, fill
 from taxelflow.estimation.template.observations import COARSE, FINE, REFUTED
-from taxelflow.estimation.template.online.gauge import align_gauge
+from taxelflow.estimation.template.online.gauge import align_gauge, turn_of_frame
 from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import SLACK, LocalMap
 from taxelflow.estimation.template.online.track_state import KEYFRAMES
@@ -79,9 +79,8 @@ def _learn(known: LocalMap) -> LocalMap:
     scanned, pattern = replace(known, gains=gains).scanned, best.pattern
     before = (keyframes.angled if best.turns and not known.turns else keyframes.states).copy()
     before[:, :2] += known.origin
-    since = slice(None) if known.turns else slice(KEYFRAMES.same)  # later ones had turned before it was noticed
-    turned = float(np.median((states_of(best.states).theta - states_of(before).theta)[since])) if best.turns else 0.0
-    states, origin, off = align_gauge(before, best, scanned, turned)
+    turned, alike = turn_of_frame(before, best, known)
+    states, origin, off = align_gauge(before, best, scanned, turned, alike)
     slack = np.full(2, SLACK.first) if best.grows and not known.grows else _slack(known, off)
     shown = known.shown if looked == known.looked else best.shown
     rival = known.rival if looked == known.looked else best.rival_variance(turns=known.unseen_error > 0)
