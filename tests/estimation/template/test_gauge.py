@@ -184,7 +184,7 @@ def test_a_frame_goes_with_the_newest_contact_where_its_object_is_found_at_anoth
     best = replace(solve(scanned), states=before.copy(), turns=True)
     best.states[last, 2] -= angle
     best.states[last, :2] += turned(middle, before[last, 2]) - turned(middle, best.states[last, 2])
-    turn, alike = turn_of_frame(before, best, known)
+    turn, alike = turn_of_frame(before, best, known, newest=len(before) - 1)
     assert turn == pytest.approx(-angle)
     np.testing.assert_array_equal(np.flatnonzero(alike), np.arange(len(before))[last])
     states, _, off = align_gauge(before, best, scanned, turn, alike)

@@ -10,6 +10,7 @@ from taxelflow.estimation.template.bundle_adjustment import covariance_of, linea
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.map import covering
 from taxelflow.estimation.template.observations import Scanned
+from taxelflow.estimation.template.online import map_update
 from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import LocalMap
 from taxelflow.estimation.template.online.map_update import _anchor, _tilt, _with_former_gains, learn
@@ -138,3 +139,15 @@ def test_a_turn_is_reported_once_no_hypothesis_that_fits_as_well_is_far(apart_ra
     found = learn(alike)
     assert (found.turns, found.reports_turn) == (True, reported)
     assert learn(replace(alike, reports_turn=True)).reports_turn  # its deviation states how far
+
+
+def test_a_keyframe_that_does_not_fit_turns_no_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    scanned, at, _ = sliding(0.0)
+    known = replace(keyframes_of(scanned, at, np.ones(scanned.readings.shape[1])), turns=True)
+    best = replace(solve_contact(scanned), turns=True)
+    best.states[-1, 2] += 2.0
+    monkeypatch.setattr(map_update, "_best", lambda known: (best, known.looked))
+    turned = [learn(known).turned]
+    best.fit.chi[-1] *= 1e3
+    turned.append(learn(known).turned)
+    assert turned == pytest.approx([2.0, 0.0], abs=0.01)

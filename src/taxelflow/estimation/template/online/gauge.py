@@ -36,11 +36,12 @@ if TYPE_CHECKING:
     from taxelflow.messages import Bools
 
 
-def turn_of_frame(before: Floats, best: Solved, known: LocalMap) -> tuple[float, Bools]:
+def turn_of_frame(before: Floats, best: Solved, known: LocalMap, *, newest: int) -> tuple[float, Bools]:
     """By how much theta of a solved contact differs from that before (n, 5), the median, and over which (n,) keyframes.
 
     An object that looks the same at several angles may be found at another of them in the keyframes of one contact
-    only. The object that is followed goes with the newest keyframe, so those that have turned otherwise do not count.
+    only. The object that is followed goes with the newest keyframe that fits, so those that have turned otherwise do
+    not count. newest: its number.
     """
     counts = np.ones(len(before), np.bool_)
     apart = states_of(best.states).theta - states_of(before).theta
@@ -48,7 +49,7 @@ def turn_of_frame(before: Floats, best: Solved, known: LocalMap) -> tuple[float,
         return 0.0, counts
     if not known.turns:
         return float(np.median(apart[: KEYFRAMES.same])), counts  # later ones had turned before it was noticed
-    counts = np.abs(apart - apart[-1]) < LINEAR_RAD
+    counts = np.abs(apart - apart[newest]) < LINEAR_RAD
     return float(np.median(apart[counts])), counts
 
 

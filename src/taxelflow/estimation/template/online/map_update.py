@@ -79,7 +79,7 @@ def _learn(known: LocalMap) -> LocalMap:
     scanned, pattern = replace(known, gains=gains).scanned, best.pattern
     before = (keyframes.angled if best.turns and not known.turns else keyframes.states).copy()
     before[:, :2] += known.origin
-    turned, alike = turn_of_frame(before, best, known)
+    turned, alike = turn_of_frame(before, best, known, newest=int(np.flatnonzero(~_strange(best))[-1]))
     states, origin, off = align_gauge(before, best, scanned, turned, alike)
     slack = np.full(2, SLACK.first) if best.grows and not known.grows else _slack(known, off)
     shown = known.shown if looked == known.looked else best.shown
