@@ -61,15 +61,21 @@ class OnHand:
 
 
 class _Felt:
-    """The common part of both. signs: (pads, 3), of the pads' velocities in the grip's frame."""
+    """The common part of both. signs: (pads, 3), of the pads' velocities in the grip's frame.
+
+    A missing reading counts as the last one of its taxel: a message that is lost is no grip that is open. After a jump
+    of the sensor's clock the time goes on as that of the stream's output.
+    """
 
     def __init__(self, sensor: Sensor, signs: Floats, down: Floats | None) -> None:
         self._signs, self._to_si, self._last_s, self._down = signs, sensor.to_si, np.nan, down
         self._area_m2 = sensor.layout.area_m2[: sensor.layout.taxels]
         self._starts = sensor.layout.starts[: sensor.layout.pad_count]
+        self._pressure: Floats = np.zeros(0)
 
     def touch(self, t_s: float, readings: Floats, out: Output | None, axes: Floats) -> Touch:
-        pads, pressure = len(self._signs), readings * self._to_si
+        pads, pressure = len(self._signs), self._last_known(readings * self._to_si)
+        t_s = self._placed(t_s, out)
         dt_s, self._last_s = (0.0 if np.isnan(self._last_s) else t_s - self._last_s), t_s
         force_n = float(pressure.ravel() @ self._area_m2) / 2
         slipping, velocity, ready = np.zeros(pads, dtype=np.bool_), np.full((pads, 3), np.nan), out is None
@@ -94,6 +100,18 @@ class _Felt:
             detail_m = share * np.sqrt(_least(variance) if self._down is None else _along(variance, axes @ self._down))
         felt = Touch(t_s, dt_s, pressure, force_n, slipping, velocity, axes, covariance, detail_m, place_m)
         return replace(felt, ready=ready, place_std_m=place_std_m, by_taxel_m2=by_taxel_m2)
+
+    def _last_known(self, pressure: Floats) -> Floats:
+        """Pressures without those missing; 0 of a taxel that has never had one."""
+        before = self._pressure if self._pressure.shape == pressure.shape else np.zeros_like(pressure)
+        self._pressure = np.where(np.isfinite(pressure), pressure, before)
+        return self._pressure
+
+    def _placed(self, t_s: float, out: Output | None) -> float:
+        """The time of a scan, not before that of the last one. A repeated or late scan has no output, and no time."""
+        if out is None or np.isnan(self._last_s):
+            return float(np.fmax(t_s, self._last_s))
+        return float(out.slips.t_s[-1]) if len(out) else self._last_s
 
     def _loaded(self, pressure: Floats) -> Floats:
         """(pads,), number of taxels that share a pad's load, at least 1: the squared sum over the sum of squares."""
