@@ -62,11 +62,15 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Motion by the pads. velocity: (2,) or (3,), of the object in the grip's frame, m/s. sigmas: from rest."""
+    """Motion by the pads. velocity: (2,) or (3,), of the object in the grip's frame, m/s. sigmas: from rest.
+
+    known: whether a pad has a velocity in this scan; else it is a prediction.
+    """
 
     slipping: bool
     velocity: Floats
     sigmas: float
+    known: bool
 
     @property
     def speed_m_s(self) -> float:
@@ -105,7 +109,7 @@ class AgreementSession:
         if len(velocity):
             moves.update(believed, seen, touch.axes, (now * by_place, now * by_step), dt_s)
         sigmas = float(np.sqrt(moves.velocity @ np.linalg.solve(moves.covariance, moves.velocity)))
-        motion = Motion(False, moves.velocity, sigmas)
+        motion = Motion(False, moves.velocity, sigmas, bool(known.any()))
         needed = p.alerted_sigmas if alerted else p.sigmas
         slips = sigmas > needed and motion.speed_m_s > p.slip_m_s
         if alerted and known.any():

@@ -80,8 +80,11 @@ class HoldSession:
         if self._blindness.step(touch):
             self._target_n, self._force_n = max(self._target_n, self._blind_n), max(self._force_n, self._blind_n)
             self._calm_s = 0.0
+        if motion.known:
+            self._balance.add(touch.t_s, motion.speed_m_s, touch.force_n)
+        elif motion.slipping:  # a lost contact bears no load, whatever the object needs
+            return self._force_n
         self._slips = motion.slipping
-        self._balance.add(touch.t_s, motion.speed_m_s, touch.force_n)
         if motion.slipping:
             least_n, agreed = self._balance.least_n(), motion.sigmas > p.agreement.sigmas
             if agreed and least_n > touch.force_n:
