@@ -64,25 +64,18 @@ class Agreement:
 class Motion:
     """Motion by the pads. velocity: (2,) or (3,), of the object in the grip's frame, m/s. sigmas: from rest.
 
-    covariance: (n, n), of that velocity. known: whether a pad has a velocity in this scan; else it is a prediction.
+    known: whether a pad has a velocity in this scan; else it is a prediction.
     """
 
     slipping: bool
     velocity: Floats
     sigmas: float
-    covariance: Floats
     known: bool
 
     @property
     def speed_m_s(self) -> float:
         """Size of the velocity."""
         return float(np.linalg.norm(self.velocity))
-
-    @property
-    def speed_variance(self) -> float:
-        """Variance of the velocity along itself, (m/s)^2; 0 without a direction."""
-        square = self.speed_m_s**2
-        return float(self.velocity @ self.covariance @ self.velocity) / square if square > 0.0 else 0.0
 
 
 class AgreementSession:
@@ -116,7 +109,7 @@ class AgreementSession:
         if len(velocity):
             moves.update(believed, seen, touch.axes, (now * by_place, now * by_step), dt_s)
         sigmas = float(np.sqrt(moves.velocity @ np.linalg.solve(moves.covariance, moves.velocity)))
-        motion = Motion(False, moves.velocity, sigmas, moves.covariance, bool(known.any()))
+        motion = Motion(False, moves.velocity, sigmas, bool(known.any()))
         needed = p.alerted_sigmas if alerted else p.sigmas
         slips = sigmas > needed and motion.speed_m_s > p.slip_m_s
         if alerted and known.any():

@@ -7,10 +7,6 @@ it were let go,
     F* = F / (1 - a / w),    and    F = F* (1 + d / w)
 
 slows it down by d. Neither mass nor friction need be known: a slip of some scans measures what the grip needs.
-
-Velocities by coarse taxels have errors of 0.1 m/s, and their line over four scans the slope of some m/s^2 at rest.
-So a is the mean of that line's slope and of 0, each by its variance: that of the slope by the variances of the speeds,
-and that of the accelerations that an object has.
 """
 
 from __future__ import annotations
@@ -28,26 +24,20 @@ _LOOK_BACK = 4
 
 
 class Balance:
-    """Speeds and forces of the last scans. free: w, m/s^2 of a slide or rad/s^2 of a turn. usual: standard deviation
-    of the object's acceleration; infinite if nothing is known of it.
-    """
+    """Speeds and forces of the last scans. free: w, m/s^2 of a slide or rad/s^2 of a turn."""
 
-    def __init__(self, free: float = G_M_S2, usual: float = np.inf) -> None:
-        self._free, self._usual = free, usual
-        self._seen: deque[tuple[float, float, float, float]] = deque(maxlen=_LOOK_BACK)
+    def __init__(self, free: float = G_M_S2) -> None:
+        self._free = free
+        self._seen: deque[tuple[float, float, float]] = deque(maxlen=_LOOK_BACK)
 
-    def add(self, t_s: float, speed: float, force_n: float, variance: float = 0.0) -> None:
-        """A scan: the speed of the motion, the force that was felt, and the variance of that speed."""
-        self._seen.append((t_s, speed, force_n, variance))
+    def add(self, t_s: float, speed: float, force_n: float) -> None:
+        """A scan: the speed of the motion, and the force that was felt."""
+        self._seen.append((t_s, speed, force_n))
 
     def least_n(self) -> float:
         """Least force that carries the load, from the acceleration under the force that was felt meanwhile, N."""
-        t_s, speed, force_n, variance = np.array(self._seen).T
-        times, rising = t_s - t_s.mean(), 0.0
-        spread = float(times @ times)
-        if spread > 0.0:
-            doubt = float(times**2 @ variance) / spread**2  # variance of the slope
-            rising = float(times @ speed) / spread / (1.0 + doubt / self._usual**2)
+        t_s, speed, force_n = np.array(self._seen).T
+        rising = float(np.polyfit(t_s - t_s[0], speed, 1)[0]) if len(t_s) > 1 else 0.0
         share = float(np.clip(rising / self._free, -_LARGEST_SHARE, _LARGEST_SHARE))
         return float(force_n.mean() / (1.0 - share))
 

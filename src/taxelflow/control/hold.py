@@ -62,8 +62,7 @@ class HoldSession:
     def __init__(self, parameters: Hold, force_n: float, most_n: float) -> None:
         self._p, self._force_n, self._most_n = parameters, force_n, most_n
         self._both = parameters.agreement.start()
-        self._balance = Balance(usual=parameters.agreement.acceleration_m_s2)
-        self._shown, self._slips = Shown(parameters.memory_s), False
+        self._balance, self._shown, self._slips = Balance(), Shown(parameters.memory_s), False
         self._blindness = parameters.blindness.start()
         self._quiet_s = 0.0  # since the slip detector alarmed
         self._last_shown: tuple[float, float] | None = None  # time and least force of the last slip
@@ -82,7 +81,7 @@ class HoldSession:
             self._target_n, self._force_n = max(self._target_n, self._blind_n), max(self._force_n, self._blind_n)
             self._calm_s = 0.0
         if motion.known:
-            self._balance.add(touch.t_s, motion.speed_m_s, touch.force_n, motion.speed_variance)
+            self._balance.add(touch.t_s, motion.speed_m_s, touch.force_n)
         elif motion.slipping:  # a lost contact bears no load, whatever the object needs
             return self._force_n
         self._slips = motion.slipping
