@@ -36,7 +36,8 @@ def find_dead_lines(windows: Floats, noise: Floats, masked: Bools, layout: Layou
             continue
         load = readings - resting_level(readings, np.min(readings, axis=0, initial=np.inf, where=known))
         least = EVIDENCE.load_sigmas * float(np.median(noise[own][known.any(axis=0)]))
-        image = np.full((len(flat), *layout.shapes[pad]), np.nan)
+        load = load[(load > least).any(axis=1)]
+        image = np.full((len(load), *layout.shapes[pad]), np.nan)
         image[:, layout.row[own], layout.col[own]] = load
         taxels = np.full(layout.shapes[pad], -1)
         taxels[layout.row[own], layout.col[own]] = np.arange(own.start, own.stop)

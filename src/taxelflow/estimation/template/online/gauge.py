@@ -40,8 +40,8 @@ def turn_of_frame(before: Floats, best: Solved, known: LocalMap, *, newest: int)
     """By how much theta of a solved contact differs from that before (n, 5), the median, and over which (n,) keyframes.
 
     An object that looks the same at several angles may be found at another of them in the keyframes of one contact
-    only. The object that is followed goes with the newest keyframe that fits, so those that have turned otherwise do
-    not count. newest: its number.
+    only. The frame follows the newest keyframe that fits; keyframes that have turned otherwise do not count. newest:
+    its number.
     """
     counts = np.ones(len(before), np.bool_)
     apart = states_of(best.states).theta - states_of(before).theta
