@@ -209,3 +209,13 @@ def test_an_image_of_few_values_has_no_step() -> None:
     for scan, row in enumerate(readings):
         row[scan : scan + 6] = 1000.0
     assert np.median(of_grid(readings, 2)) < 10
+
+
+def test_the_noise_of_a_taxel_does_not_depend_on_the_order_of_taxels() -> None:
+    """There are too many to search all: which of them are chosen must not depend on their numbers."""
+    taxels, random = 400, np.random.default_rng(3)
+    sigma = np.exp(random.normal(np.log(50.0), 0.25, taxels))
+    windows = 1000.0 + sigma * random.standard_normal((8, WINDOWS.scans, taxels))
+    masked = np.zeros(taxels, dtype=np.bool_)
+    found, mirrored = estimate_noise(windows, masked), estimate_noise(windows[..., ::-1], masked)[::-1]
+    np.testing.assert_allclose(mirrored, found, rtol=1e-3)

@@ -52,8 +52,9 @@ def are_whole(numbers: Floats) -> bool:
 
 
 def levels_of(readings: Floats) -> Floats:
-    """The distinct readings, in order, of some of them."""
-    some = readings.reshape(-1)[:: 1 + readings.size // _CONVERTER.readings]
+    """The distinct readings (..., taxels), in order, of some scans: of all taxels, whichever is listed first."""
+    scans = readings.reshape(-1, readings.shape[-1])
+    some = scans[:: 1 + readings.size // _CONVERTER.readings]
     levels: Floats = np.unique(some[np.isfinite(some)])
     return levels
 

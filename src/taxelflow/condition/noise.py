@@ -168,11 +168,26 @@ def _rest_likelihood(live: Floats, near: NDArray[np.int64], grid: Floats, cut: F
     clipped = np.sum(readings <= cut, axis=0, where=known)
     usable = (known.sum(axis=0) >= _REST.fewest) & (clipped <= _REST.clipped * known.sum(axis=0))
     usable = np.flatnonzero(usable & _independent(readings.reshape(some.shape)))
-    usable = usable[:: 1 + len(readings) * len(usable) // _REST.readings]
+    usable = _evenly(readings, usable, _REST.readings // len(readings))
     likelihood = np.zeros((live.shape[2], len(grid)))
     if len(usable):
         likelihood[usable] = rest_likelihood(readings[:, usable], grid, cut[usable], reach)
     return likelihood
+
+
+def _evenly(readings: Floats, usable: NDArray[np.int64], most: int) -> NDArray[np.int64]:
+    """Every n-th of the usable taxels by the scatter of their readings (scans, taxels), about as many as `most`.
+
+    Not by their number: which taxels are chosen must not depend on the order in which a sensor lists them.
+    """
+    every = 1 + len(usable) // max(most, 1)
+    if every == 1:
+        return usable
+    own = readings[:, usable]
+    known = np.isfinite(own)
+    mean = own.sum(axis=0, where=known) / known.sum(axis=0)
+    square = (np.where(known, own - mean, 0.0) ** 2).sum(axis=0) / known.sum(axis=0)
+    return usable[np.lexsort((mean, square))][every // 2 :: every]
 
 
 def _independent(far: Floats) -> Bools:
