@@ -88,3 +88,15 @@ def test_a_pattern_that_changes_is_no_slip_where_precise_poses_stay(
     vague, precise = (odds_of(watch(PITCH_M), changes[after], 7, quality) for quality in (AMBIGUOUS, OK))
     assert np.nanmax(vague.log_odds) > 0
     assert np.nanmax(precise.log_odds) < 0
+
+
+@pytest.mark.parametrize("after", [AFTER.live, AFTER.recorded])
+def test_a_contact_too_brief_to_compare_patterns_has_no_odds_for_or_against_a_slip(
+    changes: dict[int, PatternChanges], after: int
+) -> None:
+    watch, whole = (LiveOdds if after == AFTER.live else OfflineOdds), changes[after]
+    brief = replace(whole, unexplained=np.full_like(whole.unexplained, np.nan))
+    assert whole.touching.any()
+    for each in (odds_of(watch(PITCH_M), brief, 7).log_odds, odds_of(watch(PITCH_M), brief, 7).soon):
+        assert np.isnan(each).all()
+    assert np.isfinite(odds_of(watch(PITCH_M), whole, 7).log_odds).any()

@@ -69,13 +69,15 @@ class Odds:
 @dataclass(frozen=True, slots=True, eq=False)
 class _Bin:
     """One bin: (pads,) each, but for its first time. log_ratios: (2, pads), see `updated`. shares: (3, pads),
-    probabilities of the states. longer: (pads, baselines), log odds by longer baselines alone.
+    probabilities of the states. shown: whether a bin of the contact has been evidence, not time alone. longer: (pads,
+    baselines), log odds by longer baselines alone.
     """
 
     since_s: float
     log_ratios: Floats
     touching: Bools
     shares: Floats
+    shown: Bools
     restless: Bools
     longer: Floats
 
@@ -91,7 +93,7 @@ class _Forward:
         self._slipped = np.zeros(pads, dtype=np.bool_)
         nothing, untouched = np.full((2, pads), np.nan), np.zeros(pads, dtype=np.bool_)
         shares = np.repeat(UNTOUCHED, pads, axis=1)
-        self.last = _Bin(-np.inf, nothing, untouched, shares, untouched, np.full((pads, longer), np.nan))
+        self.last = _Bin(-np.inf, nothing, untouched, shares, untouched, untouched, np.full((pads, longer), np.nan))
 
     def step(self, slipping: Bools, slips: Slips, changes: PatternChanges, rested: Bools) -> list[tuple[int, _Bin]]:
         """Bins that are judged in these scans, each with the scan.
@@ -117,8 +119,9 @@ class _Forward:
             self._slipped, start = np.zeros_like(slipped), scan + 1
             ratios = np.stack([tilts, ratio])
             shares = updated(self.last.shares, ratios, touching, since_s - self.last.since_s)
+            shown = touching & (self.last.shown | np.isfinite(ratio))
             longer = self._by_longer(changes.longer[scan])
-            self.last = _Bin(since_s, ratios, touching, shares, self._restless.restless, longer)
+            self.last = _Bin(since_s, ratios, touching, shares, shown, self._restless.restless, longer)
             found.append((scan, self.last))
         if np.count_nonzero(slipping[start:]):
             self._slipped = self._slipped | slipping[start:].any(axis=0)
@@ -210,15 +213,16 @@ class OfflineOdds:
 def _smoothed(bins: list[_Bin]) -> list[_Bin]:
     """Bins with the odds that also regard the bins after them in the list; all are as restless as the last."""
     found: list[_Bin] = []
-    later = np.ones((3, 0))
+    later, shown = np.ones((3, 0)), np.zeros(0, dtype=np.bool_)
     for number in range(len(bins) - 1, -1, -1):
         one = bins[number]
         if number == len(bins) - 1:
-            later = np.ones_like(one.shares)
+            later, shown = np.ones_like(one.shares), one.shown
         else:
             after = bins[number + 1]
             later = looked_back(later, after.log_ratios, after.touching, after.since_s - one.since_s)
-        found.append(replace(one, shares=one.shares * later, restless=bins[-1].restless))
+            shown = one.shown | (after.touching & shown)
+        found.append(replace(one, shares=one.shares * later, shown=shown, restless=bins[-1].restless))
     return found[::-1]
 
 
@@ -249,4 +253,4 @@ def _log(one: _Bin) -> Floats:
     """Log odds; NaN before any evidence of a contact."""
     with np.errstate(divide="ignore"):
         log_odds: Floats = np.log(one.shares[2]) - np.log(one.shares[0] + one.shares[1])
-        return np.where(one.shares[2] > 0, log_odds, np.nan)
+        return np.where(one.shown & (one.shares[2] > 0), log_odds, np.nan)
