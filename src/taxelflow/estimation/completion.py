@@ -5,7 +5,7 @@ That is contact, border, load, the quality of contacts that are cut or form, and
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,8 +26,7 @@ from taxelflow.messages import (
     joined,
     no_scans,
 )
-from taxelflow.numerics.bins import BIN_S
-from taxelflow.numerics.clock import SAME_S
+from taxelflow.numerics.forming import find_forming
 from taxelflow.runtime.compiling import kernel
 from taxelflow.sensors.border import Boundary
 
@@ -49,17 +48,6 @@ _SHAPES = {
 """Shapes of an estimator's results, after scans and pads."""
 
 
-class _Forming(NamedTuple):
-    """When a contact forms."""
-
-    level: float = 2.0 / 3.0
-    """It has formed when its mean load before a scan has been this share of that scan's for a bin's time. A load that
-    rises steadily from 0 stays below a half, and reaches this once half the time of its rise has passed again."""
-    again: float = 3.0
-    """It forms again above this many times its mean load: what touched then is a small part of what touches now."""
-
-
-_FORMING = _Forming()
 _FORM = "Estimates.unknown(scans), with what is known filled in"
 
 
@@ -144,7 +132,9 @@ class SlipsSession:
         """The same, those judged that their method has not, and those of contacts that form."""
         judge_cut(slips.pose, slips.border, slips.quality)
         if self._forms is not None:
-            judge_forming(slips.t_s, slips.contact, slips.load, slips.border, self._forms, slips.quality)
+            forming = np.empty(slips.contact.shape, dtype=np.bool_)
+            find_forming(slips.t_s, slips.contact, slips.load, slips.border, self._forms, forming)
+            slips.quality[forming & (slips.quality == OK)] = AMBIGUOUS
         return slips
 
 
@@ -158,36 +148,3 @@ def judge_cut(pose: Floats, border: Bools, quality: Bytes) -> None:
         for pad in range(quality.shape[1]):
             if quality[scan, pad] == NO_POSE and np.isfinite(pose[scan, pad, 0]):
                 quality[scan, pad] = AMBIGUOUS if border[scan, pad, 0] or border[scan, pad, 1] else OK
-
-
-@kernel
-def judge_forming(t_s: Floats, contact: Bools, load: Floats, border: Bools, forms: Floats, quality: Bytes) -> None:
-    """A pose that is ok is ambiguous while its contact forms: what touches first lies beside the middle of the whole.
-
-    Where a border cuts the contact it forms once: an object that slides in over it grows as it moves. t_s: (scans,).
-    contact, load: (scans, pads). border: (scans, pads, 2). forms: (pads, 4), sum of the contact's loads, their number,
-    since when its load has been steady, s, and whether it has formed; updated. quality: (scans, pads), index in
-    `QUALITY`, updated.
-    """
-    for scan in range(quality.shape[0]):
-        for pad in range(quality.shape[1]):
-            own, now = forms[pad], load[scan, pad]
-            if not contact[scan, pad]:
-                own[:] = 0.0
-            elif now > 0.0:
-                _follow_load(t_s[scan], now, border[scan, pad, 0] or border[scan, pad, 1], own)
-            if quality[scan, pad] == OK and not own[3]:
-                quality[scan, pad] = AMBIGUOUS
-
-
-@kernel
-def _follow_load(t_s: float, load: float, is_cut: bool, own: Floats) -> None:
-    """Follow whether a contact has formed, by the load of one more scan. own: (4,), see `judge_forming`."""
-    if own[3] and not is_cut and load * own[1] > _FORMING.again * own[0]:
-        own[:] = 0.0
-    if not own[3]:
-        if own[1] == 0.0 or own[0] < _FORMING.level * load * own[1]:
-            own[2] = t_s
-        own[3] = t_s - own[2] > BIN_S - SAME_S
-    own[0] += load
-    own[1] += 1.0

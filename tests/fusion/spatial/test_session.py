@@ -42,7 +42,7 @@ def around(count: int, radius_m: float = 0.04) -> tuple[tuple[float, ...], ...]:
     return tuple(poses)
 
 
-def hand(poses: tuple[tuple[float, ...], ...], *, flat: bool = False) -> Sensor:
+def hand(poses: tuple[tuple[float, ...], ...], *, flat: bool = False, unseen_error: float = 0.0) -> Sensor:
     pads = tuple(
         Pad(
             name=f"pad{k}",
@@ -55,7 +55,7 @@ def hand(poses: tuple[tuple[float, ...], ...], *, flat: bool = False) -> Sensor:
         )
         for k, pose in enumerate(poses)
     )
-    return Sensor(name="hand", unit="Pa", pads=pads)
+    return Sensor(name="hand", unit="Pa", pads=pads, unseen_error=unseen_error)
 
 
 def slips_of(sensor: Sensor, X: Floats, *, spins: bool = True, std_m: float = 1e-5, std_rad: float = 1e-3) -> Slips:
@@ -194,6 +194,45 @@ def test_scans_that_are_not_resolved_as_pads_are_pressed_on_do_not_place_the_obj
     T = np.array([se3_of(pose[:3], pose[3:]) for pose in found.pose[4:]])
     assert np.abs(se3_log(se3_inverse(X[4:]) @ T)).max() < 1e-6
     assert not found.contradicted.any()
+
+
+def pressed_on(scans: int, until: int) -> tuple[Floats, Slips]:
+    """An object at rest until all pads have been pressed on, which then moves. As their loads rise, up to a scan, the
+    patterns drift by 5 mm, far beyond their covariance.
+    """
+    X = moved(scans, np.zeros(6))
+    X[2 * until :] = moved(scans - 2 * until, np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.4]))
+    slips = slips_of(hand(around(6)), X)
+    rise = np.minimum(np.arange(1, scans + 1) / until, 1.0)[:, np.newaxis]
+    slips.pose[..., 0] += 5e-3 * (rise - 1.0) * [1, -1, 1, 1, -1, 1]
+    slips.displacement[1:] = np.diff(slips.pose, axis=0)
+    slips.load[:] = rise
+    return X, slips
+
+
+def test_poses_of_contacts_that_form_do_not_move_the_object() -> None:
+    X, slips = pressed_on(120, until=30)
+    found = fused(hand(around(6), unseen_error=0.05), slips)
+    formed = np.isfinite(found.pose[:, 0])
+    assert not formed[:30].any()
+    assert formed[60:].all()
+    T = np.array([se3_of(pose[:3], pose[3:]) for pose in found.pose[formed]])
+    assert np.abs(se3_log(se3_inverse(X[formed]) @ T)).max() < 1e-6
+    assert not found.contradicted.any()
+
+
+def test_a_load_that_rises_on_and_on_does_not_leave_a_contact_out_for_ever() -> None:
+    _, slips = pressed_on(300, until=1000)
+    found = fused(hand(around(6), unseen_error=0.05), slips)
+    assert np.isnan(found.pose[:200, 0]).all()
+    assert np.isfinite(found.pose[202:, 0]).all()
+
+
+def test_a_contact_that_is_pressed_harder_goes_on() -> None:
+    _, slips = pressed_on(120, until=30)
+    slips.load[90:] *= 5.0
+    found = fused(hand(around(6), unseen_error=0.05), slips)
+    assert np.isfinite(found.pose[60:, 0]).all()
 
 
 def test_contacts_that_are_never_resolved_place_the_object_after_a_window() -> None:
