@@ -20,7 +20,7 @@ ORIGINS = ((-0.08, 0.0), (0.08, 0.01), (0.0, -0.07), (0.01, 0.06))
 ANGLES = (1.5, -1.5, 3.0, 0.2)
 
 
-def hand(count: int = 4, *, placed: bool = True, groups: tuple[Group, ...] = ()) -> Sensor:
+def hand(count: int = 4, *, placed: bool = True, groups: tuple[Group, ...] = (), unseen_error: float = 0.0) -> Sensor:
     pads = tuple(
         Pad(
             name=f"pad{number}",
@@ -32,7 +32,7 @@ def hand(count: int = 4, *, placed: bool = True, groups: tuple[Group, ...] = ())
         )
         for number in range(count)
     )
-    return Sensor(name="hand", unit="Pa", pads=pads, groups=groups)
+    return Sensor(name="hand", unit="Pa", pads=pads, groups=groups, unseen_error=unseen_error)
 
 
 def slips_of(sensor: Sensor, poses: Floats, points: Floats, *, dt: float = 0.01, std_m: float = 1e-5) -> Slips:
@@ -225,3 +225,34 @@ def test_the_papers_hand_fuses_its_fingers_and_the_groups_of_its_palm() -> None:
     points = np.nan_to_num(sensor.layout.T_hand)[:, :2] + np.array([[0.003, 0.002]])
     motions = fused(sensor, slips_of(sensor, spin(3, (0, 0, 0.5)), points))
     assert motions.pads.tolist() == [0, 9, 9]
+
+
+def pressed_on(until: int) -> tuple[Sensor, Floats, Slips]:
+    """An object that moves from twice `until` on, once all pads have been pressed on. As their loads rise, up to scan
+    `until`, the patterns drift by 5 mm, far beyond their covariance.
+    """
+    sensor = hand(unseen_error=0.05)
+    poses = np.concatenate([np.zeros((2 * until, 3)), spin(60, (0.02, -0.01, 0.4))])
+    slips = slips_of(sensor, poses, points_of(sensor))
+    rise = np.minimum(np.arange(1, len(poses) + 1) / until, 1.0)[:, np.newaxis]
+    slips.pose[..., 0] += 5e-3 * (rise - 1.0) * [1, -1, 1, 1]
+    slips.displacement[1:] = np.diff(slips.pose, axis=0)
+    slips.load[:] = rise
+    return sensor, poses, slips
+
+
+def test_poses_of_contacts_that_form_do_not_move_the_object() -> None:
+    sensor, poses, slips = pressed_on(until=30)
+    found = fused(sensor, slips)
+    formed = np.isfinite(found.pose[:, 0])
+    assert not formed[:30].any()
+    assert formed[60:].all()
+    np.testing.assert_allclose(found.pose[formed], poses[formed], atol=1e-7)
+
+
+def test_a_pose_is_unknown_until_a_contact_has_formed_and_does_not_depend_on_blocks() -> None:
+    sensor, _, slips = pressed_on(until=30)
+    whole = fused(sensor, slips)
+    parts = fused(sensor, *(cut(slips, k, k + 1) for k in range(len(slips))))
+    assert np.isnan(whole.pose_covariance[:30]).all()
+    assert_same(whole, parts)

@@ -52,7 +52,7 @@ class Body:
 
     misfit, freedom: chi-square of the contacts' residuals and its degrees of freedom, over the last scans. turning:
     whether the last fit had a turn. Else the covariance of the place is that at this theta, and the last column its
-    covariance with theta.
+    covariance with theta. placed: whether any contact has had a place since.
     """
 
     pose: Vector
@@ -60,6 +60,7 @@ class Body:
     misfit: float
     freedom: float
     turning: bool
+    placed: bool
 
 
 @routine

@@ -54,13 +54,15 @@ class Carrier:
     def __init__(self, home: Home) -> None:
         self._home, self._fill = home, Settled(fill_carried)
 
-    def step(self, slips: Slips, point: Floats, texture: Texture | None) -> tuple[Carried, Floats, Floats]:
+    def step(
+        self, slips: Slips, point: Floats, formed: Bools, texture: Texture | None
+    ) -> tuple[Carried, Floats, Floats]:
         """Slips in the hand, with covariances (scans, pads, 2, 2) of position and displacement.
 
-        point: (scans, pads, 2), see `Reference`.
+        point: (scans, pads, 2), see `Reference`. formed: (scans, pads), see `Forming`; others have no position.
         """
         if is_block(len(slips), fill_carried):
-            return carry_block(slips, point, texture, self._home)
+            return carry_block(slips, point, formed, texture, self._home)
         shape, home = slips.contact.shape, self._home
         room = np.empty((4, *shape, 2))
         flags = np.empty((3, *shape), dtype=np.bool_)
@@ -69,12 +71,14 @@ class Carrier:
         placed = texture is not None
         turns, unobservable = (texture.turns, texture.unobservable) if texture is not None else (slips.contact, own[0])
         seen = (slips.displacement, slips.displacement_covariance, slips.pose, slips.covariance)
-        marks = (slips.contact, slips.border, slips.quality)
+        marks = (slips.contact, slips.border, slips.quality, formed)
         self._fill(seen, marks, slips.span_s, point, (placed, turns, unobservable), home, own, out)
         return out, own[0], own[1]
 
 
-def carry_block(slips: Slips, point: Floats, texture: Texture | None, home: Home) -> tuple[Carried, Floats, Floats]:
+def carry_block(
+    slips: Slips, point: Floats, formed: Bools, texture: Texture | None, home: Home
+) -> tuple[Carried, Floats, Floats]:
     """`Carrier.step` in NumPy, equal to the bit."""
     moved = slips.displacement[..., :2]
     own = np.stack([slips.covariance[..., :2, :2], slips.displacement_covariance[..., :2, :2]])
@@ -92,7 +96,7 @@ def carry_block(slips: Slips, point: Floats, texture: Texture | None, home: Home
         turn[~texture.turns] = own_turn[~texture.turns] = np.nan
     place = np.einsum("pij,spj->spi", home.R, point) + home.origin
     held = slips.contact & home.used
-    placed = np.isfinite(place[..., 0]) & held
+    placed = np.isfinite(place[..., 0]) & held & formed
     moved = np.einsum("pij,spj->spi", home.R, moved)
     carried = Carried(place, moved, turn, own_turn, slips.valid & home.used, placed, held & (slips.valid | ~placed))
     place_cov, moved_cov = _product(_product(home.R, own), home.R.transpose(0, 2, 1))
@@ -108,7 +112,7 @@ def _product(A: Floats, B: Floats) -> Floats:
 @exact_kernel
 def fill_carried(
     seen: tuple[Floats, Floats, Floats, Floats],
-    marks: tuple[Bools, Bools, Bytes],
+    marks: tuple[Bools, Bools, Bytes, Bools],
     span_s: Floats,
     point: Floats,
     texture: tuple[bool, Bools, Floats],
@@ -118,11 +122,11 @@ def fill_carried(
 ) -> None:
     """Fill `Carried`, and the covariances own (2, scans, pads, 2, 2) of position and displacement in the hand's axes.
 
-    seen: displacement and pose (scans, pads, 3), each with its covariance (scans, pads, 3, 3). marks: contact, border
-    and quality. texture: whether there is one, turns and unobservable.
+    seen: displacement and pose (scans, pads, 3), each with its covariance (scans, pads, 3, 3). marks: contact, border,
+    quality and formed. texture: whether there is one, turns and unobservable.
     """
     moved, moved_cov, pose, pose_cov = seen
-    contact, border, quality = marks
+    contact, border, quality, formed = marks
     judged, turns, unobservable = texture
     scans, pads = contact.shape
     most = 0.0
@@ -160,7 +164,7 @@ def fill_carried(
         valid = bool(np.isfinite(moved[scan, pad, 0]))
         held = contact[scan, pad] and home.used[pad]
         out.known[scan, pad] = valid and home.used[pad]
-        out.placed[scan, pad] = held and np.isfinite(out.place[scan, pad, 0])
+        out.placed[scan, pad] = held and formed[scan, pad] and np.isfinite(out.place[scan, pad, 0])
         out.kept[scan, pad] = held and (valid or not out.placed[scan, pad])
 
 

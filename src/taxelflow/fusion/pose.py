@@ -44,7 +44,8 @@ def follow_pose(
     A contact is anchored on the object where it first lies there, and stays so while it is kept; it is anchored again
     after a gap without a measured motion. It inherits the error of the pose by then. A turn that no contact has shown
     yet, as with one finger, counts from the time when contacts show it. One that was known, and is not for a time, is
-    unknown to contacts that are anchored from then on. While nothing touches, all anchors are cleared.
+    unknown to contacts that are anchored from then on. While nothing touches, all anchors are cleared; no pose is
+    known until a contact has a place again.
     Where the contacts contradict each other more than their covariances allow, the pose's covariance is multiplied by
     their reduced chi-square (Birge 1932).
     """
@@ -84,17 +85,19 @@ def follow_pose(
                 set_anchor(place[scan, pad], place_cov[scan, pad], own_turn[scan, pad, 0], anchor, body)
                 copy_matrix(equations.inherited, anchor.root)
             anchor.anchored = anchor.anchored or placed[scan, pad]
+            body.placed = body.placed or placed[scan, pad]
         row: Row = rows[scan]
         at_start = body.pose[2] == 0.0 and body.covariance[2, 2] == 0.0
         certain = observable and usual_misfit(body) * body.covariance[2, 2] < LINEAR_RAD**2
-        write_pose(body, certain or at_start, row.pose, row.pose_covariance)
+        if body.placed:
+            write_pose(body, certain or at_start, row.pose, row.pose_covariance)
 
 
 @routine
 def forget(anchors: Records, body: Body) -> None:
     """The next contact begins at pose 0."""
     body.misfit = body.freedom = 0.0
-    body.turning = False
+    body.turning = body.placed = False
     for pad in range(len(anchors)):
         anchors[pad].anchored = False
     for a in range(3):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taxelflow.fusion.anchors import Anchor, Body
+from taxelflow.fusion.forming import Forming
 from taxelflow.fusion.hand_frame import Carrier, Home
 from taxelflow.fusion.pose import follow_pose
 from taxelflow.fusion.reference import Reference
@@ -41,7 +42,7 @@ class FieldSession:
         self._fuse, self._follow = Settled(fuse_twists), Settled(follow_pose)
         self._anchors, self._body = records(Anchor, len(layout.pads)), records(Body, 1)
         self._scratch = records(Equations, 1)
-        self._reference = Reference(len(layout.pads))
+        self._reference, self._forming = Reference(len(layout.pads)), Forming(layout)
         self.step(nothing(len(layout.pads)), np.zeros((0, len(layout.pads), 2)))  # compiles before the loop begins
 
     def step(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> Motions:
@@ -49,7 +50,7 @@ class FieldSession:
         without one every pattern shows all directions.
         """
         point = self._reference.step(slips, centroid, texture)
-        here, place_cov, moved_cov = self._carrier.step(slips, point, texture)
+        here, place_cov, moved_cov = self._carrier.step(slips, point, self._forming.step(slips), texture)
         rows = unknown(Row, len(slips))
         turns, scratch = self._turns, self._scratch
         self._fuse(here, moved_cov, slips.span_s, turns, scratch, rows)

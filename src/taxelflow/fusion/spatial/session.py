@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from taxelflow.fusion.forming import Forming
 from taxelflow.fusion.reference import UNOBSERVABLE_M_S, Reference
 from taxelflow.fusion.spatial.fuse import Memory, Moving, Written, begin, fuse_scans
 from taxelflow.fusion.spatial.places import Places
@@ -15,7 +16,6 @@ from taxelflow.fusion.spatial.twist import Limits, Misfit, Sixfold
 from taxelflow.fusion.spatial.window import Seen, Velocities
 from taxelflow.fusion.spatial.window_rows import MotionFields, PadSlips, Rules, fill_motions, fill_rows
 from taxelflow.messages import AMBIGUOUS, Bools, Floats, SpatialMotions, Texture
-from taxelflow.numerics.forming import find_forming
 from taxelflow.numerics.records import records
 from taxelflow.runtime.settled import Settled
 
@@ -62,11 +62,11 @@ class SpatialSession:
         begin(self._memory)
         self._fill_rows, self._fuse, self._fill_motions = Settled(fill_rows), Settled(fuse_scans), Settled(fill_motions)
         self._seen, self._begin, self._end = _nothing_seen(layout, _SPARE), 0, 0
-        self._forms = np.zeros((count, 4))
+        self._forming = Forming(layout)
         self._rules = records(Rules, count)
         self._rules["used"], self._rules["edge_m"] = self._used, edge_doubt * layout.pitch_m
         self._rules["anchor_m"] = edge_doubt * layout.pitch_m.max(axis=1)
-        self._rules["patience_s"], self._rules["since_s"], self._rules["begin_s"] = window_s, np.nan, np.nan
+        self._rules["patience_s"], self._rules["since_s"] = window_s, np.nan
 
     def step(self, slips: Slips, centroid: Floats, texture: Texture | None = None) -> SpatialMotions:
         """Motion per scan. centroid: (scans, pads, 2), see `Contacts`. texture: without one every pattern is that of
@@ -93,7 +93,7 @@ class SpatialSession:
             slips.displacement_covariance,
             np.ones((scans, pads), dtype=np.bool_) if texture is None else texture.turns,
             np.zeros((scans, pads, 2, 2)) if texture is None else texture.unobservable,
-            self._forming(slips),
+            self._forming.step(slips),
         )
         self._fill_rows(pads_slips, frames, self._rules, first, seen)
         now = slice(first, first + scans)
@@ -101,15 +101,6 @@ class SpatialSession:
             seen.under[now] = centres(frames, seen.known[now], texture.smooth, self._coarse_m)
         velocities = self._room(scans) if self._window_s else self._from_scans(slips, frames, seen.under[now], texture)
         return Prepared(seen, first, velocities, self._moving(slips), self._written(scans))
-
-    def _forming(self, slips: Slips) -> Bools:
-        """(scans, pads), whether contacts form, whose patterns move though the object rests; never on a skin that
-        follows the model.
-        """
-        forming = np.zeros(slips.contact.shape, dtype=np.bool_)
-        if self._layout.unseen_error:
-            find_forming(slips.t_s, slips.contact, slips.load, slips.border, self._forms, forming)
-        return forming
 
     def fuse(self, prepared: Prepared) -> None:
         """The kernel alone."""

@@ -8,7 +8,6 @@ import numpy as np
 
 from taxelflow.fusion.spatial.window import Seen
 from taxelflow.messages import AMBIGUOUS, UNRESOLVED, Bools, Bytes, Floats
-from taxelflow.numerics.bins import AHEAD_S
 from taxelflow.numerics.clock import SAME_S
 from taxelflow.numerics.records import Records
 from taxelflow.numerics.se3 import compose
@@ -20,8 +19,7 @@ class Rules:
     """Of a pad. used: whether it has a place in space. edge_m: standard deviations that are added along x and y at a
     border to ambiguous poses. anchor_m: the same where a contact is anchored in a scan whose pose is not resolved.
     patience_s: how long poses that are not resolved are left out, after the last that was or the begin of a contact.
-    since_s: time of that. begin_s: time of the last scan without contact. Both are NaN before any scan. formed: whether
-    the contact has formed since.
+    since_s: time of that; NaN before any scan.
     """
 
     used: bool
@@ -29,12 +27,10 @@ class Rules:
     anchor_m: float
     patience_s: float
     since_s: float
-    begin_s: float
-    formed: bool
 
 
 class PadSlips(NamedTuple):
-    """Fields of `Slips` and `Texture`, of all scans and pads; forming: see `find_forming`."""
+    """Fields of `Slips` and `Texture`, of all scans and pads; formed: see `Forming`."""
 
     contact: Bools
     border: Bools
@@ -45,7 +41,7 @@ class PadSlips(NamedTuple):
     displacement_covariance: Floats
     turns: Bools
     unobservable: Floats
-    forming: Bools
+    formed: Bools
 
 
 class MotionFields(NamedTuple):
@@ -72,10 +68,10 @@ def fill_rows(slips: PadSlips, frames: Floats, rules: Records, first: int, seen:
             copy_matrix(slips.unobservable[scan, pad], seen.unobservable[row, pad])
             known = held and fill_pose_covariance(slips, scan, pad, rule, seen.covariance[row, pad])
             resolved = slips.quality[scan, pad] < UNRESOLVED
-            follow_forming(seen.t_s[row], held, slips.forming[scan, pad], rule)
-            if resolved or not rule.formed or np.isnan(rule.since_s):
+            formed = held and slips.formed[scan, pad]
+            if resolved or not formed or np.isnan(rule.since_s):
                 rule.since_s = seen.t_s[row]
-            known = known and rule.formed and all_finite(frames[scan, pad], 4)
+            known = known and formed and all_finite(frames[scan, pad], 4)
             known = known and (resolved or seen.t_s[row] - rule.since_s >= rule.patience_s - SAME_S)
             fill_noise(slips.displacement_covariance[scan, pad], seen.covariance[row, pad], seen.noise[row, pad])
             seen.theta[row, pad] = slips.pose[scan, pad, 2]
@@ -88,14 +84,6 @@ def fill_rows(slips: PadSlips, frames: Floats, rules: Records, first: int, seen:
             seen.height[row, pad] = 0.0
             for a in range(3):
                 seen.under[row, pad, a] = 0.0
-
-
-@routine
-def follow_forming(t_s: float, held: bool, forming: bool, rule: Rules) -> None:
-    """Whether a contact has formed since it began. One that never does is taken as it is after some slips' time."""
-    if not held or np.isnan(rule.begin_s):
-        rule.begin_s = t_s
-    rule.formed = held and (rule.formed or not forming or t_s - rule.begin_s > AHEAD_S)
 
 
 @routine
