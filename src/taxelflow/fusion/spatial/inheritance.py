@@ -10,6 +10,7 @@ from taxelflow.fusion.spatial.robust import Verdict
 from taxelflow.fusion.spatial.solve import Contacts, Solution, add_product, judge_covariance
 from taxelflow.fusion.spatial.twist import Limits, to_origin
 from taxelflow.numerics.se3 import carried, multiply
+from taxelflow.numerics.small_linalg import solve_factored
 from taxelflow.runtime.compiling import routine
 
 if TYPE_CHECKING:
@@ -48,11 +49,14 @@ def inherit(
                 n, j
             ]
     error, projected, weighted = np.zeros((6, 6)), np.zeros((3, 6)), np.zeros((6, 6))
+    by_joints = np.zeros((len(contacts.sure), 6))
     for pad in range(len(anchors)):
         if contacts.use[pad] > 0.0 and anchors[pad].root[0, 0] > 0.0:
             multiply(A, anchors[pad].root, error)
             multiply(contacts.rows[pad], error, projected)
             add_product(contacts.rows[pad], contacts.W[pad], projected, weighted)
+            add_product(contacts.G[pad], contacts.W[pad], projected, by_joints)
+    without_joints(by_joints, solution, weighted)
     solve_observed(solution, weighted, limits.pose_m, error)
     multiply(error, error.T, total)
     for i in range(6):
@@ -60,6 +64,22 @@ def inherit(
             solution.covariance[i, j] += total[i, j]
     rank = judge_covariance(solution, limits.pose_m)
     return Verdict(rank, verdict.chi2, verdict.freedom, verdict.contradicted, verdict.blamed)
+
+
+@routine
+def without_joints(by_joints: Floats, solution: Solution, weighted: Floats) -> None:
+    """Take from weighted (6, 6) what errors of the joints explain of it, as the solution does. by_joints: (joints, 6),
+    the same of the joints' equations.
+    """
+    joints, column = len(by_joints), solution.column
+    for k in range(6):
+        for j in range(joints):
+            column[j] = by_joints[j, k]
+        if joints:
+            solve_factored(solution.D, column, joints)
+        for i in range(6):
+            for j in range(joints):
+                weighted[i, k] -= solution.crossed[i, j] * column[j]
 
 
 @routine
