@@ -175,3 +175,13 @@ def test_a_contact_that_is_far_off_counts_less_and_widens_the_covariance() -> No
     off = followed(places)
     assert np.abs(off["pose"][1:, :2]).max() < 0.5 * 100 * STD_M / 6
     assert off["pose_covariance"][-1, 0, 0] > exact["pose_covariance"][-1, 0, 0]
+
+
+def test_contacts_without_a_place_give_no_pose() -> None:
+    anchors, rows, nothing = records(Anchor, 3), unknown(Row, 2), np.full((2, 3, 2), np.nan)
+    touching = np.ones((2, 3), np.bool_)
+    here = Carried(nothing, nothing, nothing, nothing, ~touching, ~touching, touching)
+    covariance = np.full((2, 3, 2, 2), np.nan)
+    follow_pose(here, covariance, True, anchors, records(Body, 1), records(Equations, 1), rows)
+    assert np.isnan(rows["pose"]).all()
+    assert np.isnan(rows["pose_covariance"]).all()
