@@ -110,7 +110,7 @@ def test_noise_and_errors_of_readings_scatter_the_centroid_by_its_covariance() -
 
 
 def test_a_tilt_of_the_load_scatters_the_centroid_by_its_covariance() -> None:
-    """Pressure changes with the place, by a share with this deviation at a radius of gyration, in any direction."""
+    """The load acts beside the middle by twice the error, as a share of the radius of gyration, in any direction."""
     random = np.random.default_rng(1)
     places = np.stack([axis.ravel() for axis in np.meshgrid(np.arange(6.0), np.arange(4.0))])
     reading = 100.0 * np.exp(-0.2 * ((places[0] - 2.2) ** 2 + 2.0 * (places[1] - 1.6) ** 2))
@@ -119,10 +119,11 @@ def test_a_tilt_of_the_load_scatters_the_centroid_by_its_covariance() -> None:
     )
     share = reading / reading.sum()
     off = places - (places @ share)[:, np.newaxis]
-    own = np.linalg.inv(np.linalg.cholesky(off * share @ off.T)) @ off  # in radii of gyration
-    draws = reading * (1.0 + 0.05 * random.normal(size=(40_000, 2)) @ own)
+    moment = off * share @ off.T
+    eccentric = 0.1 * np.sqrt(np.trace(moment) / 2) * random.normal(size=(40_000, 2))
+    draws = reading * (1.0 + eccentric @ np.linalg.inv(moment) @ off)
     scatter = np.cov((draws @ places.T / draws.sum(axis=1, keepdims=True)).T)
-    np.testing.assert_allclose(found[:3], scatter[[0, 0, 1], [0, 1, 1]], rtol=0.05, atol=1e-4)
+    np.testing.assert_allclose(found[:3], scatter[[0, 0, 1], [0, 1, 1]], rtol=0.05, atol=3e-4)
 
 
 def test_a_masked_taxel_within_the_contact_may_have_read_anything() -> None:

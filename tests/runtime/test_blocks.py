@@ -127,10 +127,11 @@ def test_slips_are_carried(seed: int, textured: bool) -> None:
     place, pitch = rng.normal(size=(PADS, 2)), rng.random((PADS, 2))
     home = Home(rotation(rng.uniform(-3, 3, PADS)), place, pitch, np.arange(PADS) != 2, 0.3)
     point = rng.normal(size=(30, PADS, 2))
-    carried, *spread = Carrier(home).step(slips, point, texture)
+    formed = rng.random(slips.contact.shape) < 0.7
+    carried, *spread = Carrier(home).step(slips, point, formed, texture)
     for k, one in enumerate(scan_by_scan(slips)):
         told = cut(texture, k, k + 1) if texture is not None else None
-        own, *own_spread = Carrier(home).step(one, point[k : k + 1], told)
+        own, *own_spread = Carrier(home).step(one, point[k : k + 1], formed[k : k + 1], told)
         for whole, part in zip([*carried, *spread], [*own, *own_spread], strict=True):
             assert equal(whole[k : k + 1], part)
 

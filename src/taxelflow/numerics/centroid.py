@@ -32,6 +32,17 @@ class _Loaded(NamedTuple):
 
 LOADED = _Loaded()
 
+
+class _Load(NamedTuple):
+    """Where a load acts on a contact."""
+
+    eccentric: float = 2.0
+    """Standard deviation of a load's eccentricity, as a share of the radius of gyration, over the sensor's unseen
+    error: friction, an arm that moves and the mount of an object shift a load by a tenth of it and more."""
+
+
+LOAD = _Load()
+
 _CELL = 1.0 / 12.0
 """Variance of a place anywhere in a cell of unit width."""
 
@@ -119,6 +130,15 @@ def pressure_centre(reading: Floats, variance: Floats, places: Floats, edge: Boo
     out[4] = reach * reach
 
 
+@inlined
+def eccentricity_variance(tilt: float, square: float) -> float:
+    """Variance, along any direction, of where a load acts on a contact, by the mean square of its radius of gyration.
+
+    tilt: the sensor's unseen error. A moment knows nothing of the contact's shape: it is as large across a bar.
+    """
+    return (LOAD.eccentric * tilt) ** 2 * square
+
+
 @kernel
 def centroid_covariance(
     reading: Floats,
@@ -130,13 +150,12 @@ def centroid_covariance(
     tilt: float,
     out: Floats,
 ) -> None:
-    """Fill out (9,): xx, xy and yy of the centroid's covariance by what it misrepresents, those by noise, and those by
-    a tilt of the load, which are a part of the first.
+    """Fill out (9,): xx, xy and yy of the centroid's covariance by what it misrepresents, those by noise, and those of
+    the second moment of the load about the centroid.
 
     places: (2, taxels) in pitches. middle: (5,), from `pressure_centre`. error: standard deviation of a reading as a
-    share of it. tilt: that of the share by which a tilt of the load changes the pressure at a radius of gyration. A
-    masked taxel within the contact may read what the others read on average; saturated ones, all together, may be wrong
-    by what they read. All 0 without load.
+    share of it. tilt: see `eccentricity_variance`, a part of the first. A masked taxel within the contact may read what
+    the others read on average; saturated ones, all together, may be wrong by what they read. All 0 without load.
     """
     out[:] = 0.0
     total = middle[3]
@@ -162,8 +181,9 @@ def centroid_covariance(
             wrong = (mean / total) ** 2
         out[0], out[1], out[2] = out[0] + wrong * x * x, out[1] + wrong * x * y, out[2] + wrong * y * y
         out[3], out[4], out[5] = out[3] + noise * x * x, out[4] + noise * x * y, out[5] + noise * y * y
-    out[6], out[7], out[8] = tilt * tilt * xx, tilt * tilt * xy, tilt * tilt * yy
-    out[0], out[1], out[2] = out[0] + out[6], out[1] + out[7], out[2] + out[8]
+    shifted = eccentricity_variance(tilt, 0.5 * (xx + yy))
+    out[6], out[7], out[8] = xx, xy, yy
+    out[0], out[2] = out[0] + shifted, out[2] + shifted
     xx, xy, yy = inverse2(1.0 + xx / _CELL, xy / _CELL, 1.0 + yy / _CELL)
     out[0], out[2] = out[0] + _CELL * xx + far_x * far_x, out[2] + _CELL * yy + far_y * far_y
     out[1] += _CELL * xy

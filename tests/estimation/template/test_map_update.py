@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimation.template.test_taxel_gains import PEAK, error, sliding
-from taxelflow.estimation.template.bundle_adjustment import covariance_of, linearised
+from taxelflow.estimation.template.bundle_adjustment import linearised
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.map import covering
 from taxelflow.estimation.template.observations import Scanned
@@ -15,7 +15,7 @@ from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import LocalMap
 from taxelflow.estimation.template.online.map_update import _anchor, _tilt, _with_former_gains, learn
 from taxelflow.estimation.template.solution import Hidden
-from taxelflow.estimation.template.tilt import without_tilt
+from taxelflow.estimation.template.tilt import shift_by_tilt
 
 
 def keyframes_of(scanned: Scanned, at: np.ndarray, gains: np.ndarray) -> LocalMap:
@@ -76,16 +76,31 @@ def test_what_a_dead_taxel_reads_is_no_part_of_the_load() -> None:
     np.testing.assert_array_equal(found[0].arm, found[1].arm)
 
 
-def test_a_tilt_of_the_load_adds_as_much_as_in_a_batch() -> None:
+def test_a_tilt_of_the_load_moves_places_that_are_fitted_without() -> None:
     scanned, _, _ = sliding(0.0)
     solved = solve_contact(scanned)
     assert solved.error < 0.05
     precision = scanned.precision(turns=solved.turns, gain_std=solved.gain_std)
     upright = linearised(solved.pattern, scanned, solved.states, 0.05, precision).normal.blocks
-    tilted, _ = without_tilt(upright, solved.pattern, scanned, solved.states, 0.05, 0.05)
-    more = np.trace((covariance_of(tilted) - covariance_of(upright))[-4:, :2, :2], axis1=1, axis2=2) / 2
-    np.testing.assert_allclose(_tilt(solved, scanned, 0.05), np.median(more), rtol=0.02)
-    assert np.median(more) > 1e-4
+    shifts = shift_by_tilt(upright, solved.pattern, scanned, solved.states, 0.05, 0.05)[-4:].mean(axis=0)
+    np.testing.assert_allclose(_tilt(solved, scanned, 0.05), shifts[[0, 0, 1], [0, 1, 1]], rtol=0.02, atol=1e-6)
+    assert np.trace(shifts) > 1e-4
+
+
+def test_the_shift_by_a_tilt_turns_with_the_object() -> None:
+    scanned, _, _ = sliding(0.0)
+    solved = solve_contact(scanned)
+    here, there = replace(scanned, places=scanned.places.copy()), replace(scanned, places=scanned.places[::-1].copy())
+    there.places[0] *= -1.0  # the same readings on a pad that is turned by a quarter
+    states = solved.states.copy()
+    states[:, 0], states[:, 1], states[:, 2] = (
+        -solved.states[:, 1],
+        solved.states[:, 0],
+        solved.states[:, 2] + np.pi / 2,
+    )
+    np.testing.assert_allclose(
+        _tilt(replace(solved, states=states), there, 0.05), _tilt(solved, here, 0.05), rtol=1e-6, atol=1e-12
+    )
 
 
 def test_on_a_sensor_without_unseen_error_the_map_alone_is_the_frame() -> None:

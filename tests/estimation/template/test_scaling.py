@@ -135,4 +135,4 @@ def test_the_place_of_a_contact_that_grows_is_as_uncertain_as_its_size() -> None
     grown = Solved(*grown_starts(scans, states, 0)[0], 0.01, 1.0, turns=False, grows=True)
     both = grown, replace(grown, grows=False)
     free, held = (_on_one_map(one, scans, 1.0, 0.05, whole_contact=True).covariance for one in both)
-    assert np.median(free[:, 0, 0] / held[:, 0, 0]) > 1.2
+    assert np.median(free[:, 0, 0] / held[:, 0, 0]) > 1.1

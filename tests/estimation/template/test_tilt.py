@@ -1,6 +1,7 @@
 """Poses of contacts whose load may tilt."""
 
 import numpy as np
+import pytest
 
 from taxelflow.estimation.template.bundle_adjustment import linearised
 from taxelflow.estimation.template.levenberg_marquardt import HELD, Prior, register
@@ -8,7 +9,7 @@ from taxelflow.estimation.template.linearization import pack_scan
 from taxelflow.estimation.template.map import Pattern, covering, fill
 from taxelflow.estimation.template.normal_equations import FIT_HUBER
 from taxelflow.estimation.template.observations import Scanned
-from taxelflow.estimation.template.tilt import without_tilt
+from taxelflow.estimation.template.tilt import shift_by_tilt, without_tilt
 from taxelflow.messages import Floats
 
 PEAK, NOISE = 40e3, 400.0
@@ -112,5 +113,44 @@ def test_no_more_is_eliminated_than_outliers_have_shown() -> None:
 def test_without_tilt_nothing_changes() -> None:
     information = np.eye(5)[np.newaxis]
     own, step = without_tilt(information, None, None, np.ones((1, 5)), 0.05, 0.0)  # type: ignore[arg-type]
-    assert own is information
+    np.testing.assert_array_equal(own, information)
     assert not step.any()
+
+
+BAR = tuple((x, 0.0, 1.0) for x in np.linspace(-4.0, 4.0, 17))
+
+
+def shifts_of(bumps: Bumps, radius: float) -> tuple[Floats, Pattern, Scanned]:
+    """Covariance (2, 2) of a place that knows no tilt; the pattern, and the scans that it explains."""
+    scanned, pattern = learned(bumps, radius)
+    information = linearised(pattern, scanned, STILL, 0.05, PRECISION).normal.blocks
+    return shift_by_tilt(information, pattern, scanned, STILL, 0.05, 0.05)[0], pattern, scanned
+
+
+@pytest.mark.parametrize(("bumps", "radius"), [(DOME, 4.0), (FEET, 1.6), (BAR, 1.6)])
+def test_a_place_that_knows_no_tilt_is_off_by_what_its_covariance_holds(bumps: Bumps, radius: float) -> None:
+    found, pattern, scanned = shifts_of(bumps, radius)
+    before, places = scanned.readings[0].copy(), scanned.places
+    even = np.where(before > 0.03 * before.max(), 1.0, 0.0)
+    squares, size = np.zeros(2), 0.0
+    for weight in (before, even * before.sum() / even.sum()):
+        share = weight / weight.sum()
+        off = places - (places @ share)[:, np.newaxis]
+        moment = off * share @ off.T
+        size = size or float(np.sqrt(np.trace(moment) / 2))
+        for axis in range(2):
+            load = 0.02 * size * np.linalg.inv(moment)[axis]  # small enough that no pressure ends
+            scanned.readings[:] = before + weight * (load @ off)
+            squares[axis] += 0.5 * (refined_places(pattern, scanned)[0, axis] / 0.02) ** 2
+    np.testing.assert_allclose(np.diagonal(found), 0.1**2 * squares, rtol=0.3)
+
+
+def test_a_narrow_contact_rolls_and_what_has_edges_stays() -> None:
+    """Across a bar its middle is where the load acts: the eccentricity is a share of its length, not of its width."""
+    bar, _, scanned = shifts_of(BAR, 1.6)
+    share = scanned.readings[0] / scanned.readings[0].sum()
+    size = np.sqrt(share @ (scanned.places**2).sum(axis=0) / 2)  # its middle is that of the places
+    assert np.sqrt(bar[1, 1]) == pytest.approx(0.1 * size, rel=0.2)
+    feet, _, scanned = shifts_of(FEET, 1.6)
+    share = scanned.readings[0] / scanned.readings[0].sum()
+    assert np.sqrt(feet[1, 1]) < 0.02 * np.sqrt(share @ (scanned.places**2).sum(axis=0) / 2)

@@ -3,12 +3,12 @@
 The centre of pressure c follows the object without a map: less precisely than a good map, but not misled by a map of
 few scans. Of readings p at r from c (pitches), with the load F = sum(p) and M = sum(p r r^T) / F, its covariance is
 
-    D = sum(((e p)^2 + noise^2) r r^T) / F^2  +  (1 + 12 M)^-1 / 12  +  (b s d)^2 1  +  a^2 M  +  (1 - n / N)^2 M
+    D = sum(((e p)^2 + noise^2) r r^T) / F^2  +  (1 + 12 M)^-1 / 12  +  (b s d)^2 1  +  a^2 1  +  (1 - n / N)^2 M
 
 1. A reading stands for a cell across which the pressure varies: it has a gain error e.
 2. A contact ends anywhere between two taxels, which moves the centre of n taxels in line by up to 1 / n of a cell.
 3. Where a share s of the load lies at the pad's border, a motion d of c has a relative error b.
-4. A tilt of the load changes the pressure at a radius of gyration by a share with standard deviation a, see `tilt`.
+4. The load acts beside the middle of the contact by an eccentricity with standard deviation a, see `tilt`.
 5. A contact that forms or ends presses n of its N taxels only, the median of all scans; the others may lie anywhere in
    it, with the median M.
 
@@ -51,7 +51,13 @@ from taxelflow.estimation.template.short_motion import stretched
 from taxelflow.estimation.template.solution import ALL_SHOWN
 from taxelflow.estimation.template.two_witnesses import combine, surely, widen
 from taxelflow.numerics.bspline import states_of
-from taxelflow.numerics.centroid import CELL_ERROR, centroid_covariance, count_loaded, pressure_centre
+from taxelflow.numerics.centroid import (
+    CELL_ERROR,
+    centroid_covariance,
+    count_loaded,
+    eccentricity_variance,
+    pressure_centre,
+)
 from taxelflow.numerics.geometry import turned
 from taxelflow.runtime.compiling import kernel
 
@@ -133,8 +139,9 @@ class Centres(NamedTuple):
         found = np.empty((len(scanned), 15))
         _centres(scanned.with_error(0.0), edge, tilt, found)
         place, border, known = found[:, :2], found[:, 2], found[:, 3] > 0
-        covariance, common = found[:, 5:8] + found[:, 8:11], found[:, 11:14]
-        extent = common / tilt**2 if tilt > 0.0 else np.zeros_like(common)
+        covariance, extent = found[:, 5:8] + found[:, 8:11], found[:, 11:14]
+        common = np.zeros_like(extent)
+        common[:, [0, 2]] = eccentricity_variance(tilt, 0.5) * (extent[:, :1] + extent[:, 2:])
         if known.any():
             moved = np.hypot(*(place - np.median(place[known], axis=0)).T)
             cut = ((BORDER_ERROR * border * moved) ** 2)[:, np.newaxis]

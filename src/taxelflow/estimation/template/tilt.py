@@ -1,29 +1,34 @@
 """Tilt of the load in a pose and its covariance: pressure that shifts on the object looks like motion of the object.
 
-The line of action of a load shifts over the contact when the arm moves, friction pulls or the skin creeps. A rigid
-object then sinks in by a plane, as in `rest_or_slide`: on an elastic skin the pressure changes by a plane, too, on a
-softer one in proportion to itself,
+The line of action of a load shifts over the contact when the arm moves, friction pulls or the skin creeps: by its
+eccentricity d (2,), moment over force. A rigid object then sinks in by a plane, as in `rest_or_slide`: on an elastic
+skin the pressure changes by a plane, too, on a softer one in proportion to itself. Each holds the whole moment,
 
-    y = g (q(u) (1 + a . l) + m (b . l)),    l = ((x - x_c) / r_x, (y - y_c) / r_y),
+    y = g (q + q l . M^-1 d),    y = g (q + m l' . P^-1 d),    q = q(u),
 
-with the contact's centre (x_c, y_c), radii of gyration (r_x, r_y) and mean pressure m. For a paraboloid, tilt and shift
-cannot be separated; for a pattern with edges they can. a and b are unknowns of each scan with a zero-mean prior, and
-are eliminated (Schur complement): the covariance of the pose contains their effect, and what they explain of the
-residuals moves the pose.
+with the places l and l' about the centre of the pressure and of the contact, the second moments M and P of both, and
+the mean pressure m of the contact. d is an unknown of each scan with a zero-mean prior, alike in every direction: a
+moment knows nothing of the contact's shape, and a narrow contact, which cannot hold it, rolls.
+
+For a paraboloid, tilt and shift cannot be separated; for a pattern with edges they can. A batch eliminates d (Schur
+complement): the covariance of the pose contains its effect, and what it explains of the residuals moves the pose. A
+stream registers its scans without: the error of its places is what such a fit makes of d.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from taxelflow.estimation.template.normal_equations import FIT_HUBER
 from taxelflow.numerics.bspline import STATE, state_of
-from taxelflow.numerics.centroid import LOADED
-from taxelflow.numerics.rounding import LINE_POINTS
+from taxelflow.numerics.centroid import LOADED, eccentricity_variance
+from taxelflow.numerics.rounding import LINE_POINTS, NEGLIGIBLE
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from taxelflow.estimation.template.map import Pattern
     from taxelflow.estimation.template.observations import Scanned
     from taxelflow.messages import Floats
@@ -34,25 +39,55 @@ _STEP_PRIOR = np.eye(STATE)
 """Information on a step by a tilt: a standard deviation of a pitch, a rad, and 1 of gain and size."""
 
 
+class _Tilts(NamedTuple):
+    """What scan k knows of its tilts. information: (4, 4), on d by both changes. shared: (5, 4), with the state.
+    right: (4,), of the residuals. variance: of each part of d, pitches^2.
+    """
+
+    k: int
+    information: Floats
+    shared: Floats
+    right: Floats
+    variance: float
+
+
 def without_tilt(
-    information: Floats,
-    pattern: Pattern,
-    scanned: Scanned,
-    states: Floats,
-    error: float,
-    tilt_std: float,
+    information: Floats, pattern: Pattern, scanned: Scanned, states: Floats, error: float, tilt_std: float
 ) -> tuple[Floats, Floats]:
     """Information (scans, 5, 5) of the states with the tilt of each scan eliminated, and the step (scans, 5) to the
     states that are best with it, from those that are best without.
 
-    error: see `Scanned.with_error`. tilt_std: standard deviation of each a and b; with 0 nothing changes.
+    error: see `Scanned.with_error`. tilt_std: see `eccentricity_variance`; with 0 nothing changes.
     """
-    step = np.zeros_like(states)
+    step, own = np.zeros_like(states), information.copy()
+    for one in _tilts(information, pattern, scanned, states, error, tilt_std):
+        k, columns = one.k, np.column_stack([one.shared.T, one.right])
+        by_tilt = np.linalg.solve(one.information + np.eye(4) / one.variance, columns)
+        own[k] -= one.shared @ by_tilt[:, :-1]
+        step[k] = np.linalg.solve(own[k] + _STEP_PRIOR, -one.shared @ by_tilt[:, -1])
+    return own, step
+
+
+def shift_by_tilt(
+    information: Floats, pattern: Pattern, scanned: Scanned, states: Floats, error: float, tilt_std: float
+) -> Floats:
+    """Covariance (scans, 2, 2) of the places, pitches^2, by a tilt of which their fit knows nothing, mean of both
+    changes of the pressure. Arguments as for `without_tilt`.
+    """
+    found = np.zeros((len(states), 2, 2))
+    for one in _tilts(information, pattern, scanned, states, error, tilt_std):
+        moved = np.linalg.solve(information[one.k] + NEGLIGIBLE * np.eye(STATE), one.shared)[:2]
+        found[one.k] = 0.5 * one.variance * moved @ moved.T
+    return found
+
+
+def _tilts(
+    information: Floats, pattern: Pattern, scanned: Scanned, states: Floats, error: float, tilt_std: float
+) -> Iterator[_Tilts]:
+    """Of the scans that have readings enough. States that are held share nothing with a tilt."""
     if tilt_std <= 0.0:
-        return information, step
+        return
     readings = scanned.with_error(error)
-    own = information.copy()
-    prior = np.eye(4) / tilt_std**2
     for k, state in enumerate(states):
         values = pattern.read(scanned.places, state, scanned.bends[k])
         q = np.nan_to_num(values[:, 0])
@@ -61,28 +96,29 @@ def without_tilt(
             continue
         gain = state_of(state).gain
         jacobian = np.column_stack([gain * values[seen, 1:4], q[seen], gain * values[seen, 4]])
-        modes = gain * _modes(scanned.places[:, seen], q[seen])
+        modes, moment = _modes(scanned.places[:, seen], q[seen])
         variance = readings.variance[k, seen]
         left = scanned.readings[k, seen] - gain * q[seen]
         off = np.abs(left) / np.sqrt(variance)
         weight = FIT_HUBER / np.maximum(off, FIT_HUBER) / variance  # that of the information: no more is eliminated
+        modes *= gain
         weighted = modes * weight[:, np.newaxis]
         shared = jacobian.T @ weighted
-        by_tilt = np.linalg.solve(modes.T @ weighted + prior, np.column_stack([shared.T, left @ weighted]))
-        explained, right = shared @ by_tilt[:, :-1], -shared @ by_tilt[:, -1]
-        held = own[k].any(axis=1) & (np.count_nonzero(own[k], axis=1) == 1)  # a state that is held
-        explained[held] = explained[:, held] = 0.0
-        own[k] -= explained
-        right[held] = 0.0
-        step[k] = np.linalg.solve(own[k] + _STEP_PRIOR, right)
-    return own, step
+        held = information[k].any(axis=1) & (np.count_nonzero(information[k], axis=1) == 1)
+        shared[held] = 0.0
+        prior = eccentricity_variance(tilt_std, 0.5 * float(np.trace(moment)))
+        yield _Tilts(k, modes.T @ weighted, shared, left @ weighted, prior)
 
 
-def _modes(places: Floats, pressure: Floats) -> Floats:
-    """(taxels, 4), changes of a pressure (taxels,) at places (2, taxels), pitches, by a and b above."""
-    share = pressure / pressure.sum()
-    off = places - (places @ share)[:, np.newaxis]
-    radius = np.sqrt(off**2 @ share)
-    levers = (off / np.maximum(radius, _LEAST_RADIUS)[:, np.newaxis]).T
-    plane = np.where(pressure > LOADED.skirt * pressure.max(), pressure @ share, 0.0)
-    return np.concatenate([pressure[:, np.newaxis] * levers, plane[:, np.newaxis] * levers], axis=1)
+def _modes(places: Floats, pressure: Floats) -> tuple[Floats, Floats]:
+    """(taxels, 4), changes of a pressure (taxels,) at places (2, taxels), pitches, by d above, in proportion to itself
+    and by a plane; second moment (2, 2) of the pressure.
+    """
+    even = np.where(pressure > LOADED.skirt * pressure.max(), 1.0, 0.0)
+    moments, changes = [], []
+    for weight in (pressure, even * (pressure.sum() / even.sum())):
+        share = weight / weight.sum()
+        off = places - (places @ share)[:, np.newaxis]
+        moments.append((off * share) @ off.T + _LEAST_RADIUS**2 * np.eye(2))
+        changes.append(weight[:, np.newaxis] * np.linalg.solve(moments[-1], off).T)
+    return np.concatenate(changes, axis=1), moments[0]

@@ -84,8 +84,8 @@ class LocalMap:
     """(2,), variance of x and y, and of theta, by the error of the map: how far poses on the map before were off."""
     unseen_error: float = 0.0
     """See `Layout`."""
-    tilt: float = 0.0
-    """Variance of x and y that a tilt of the load may explain, ..."""
+    tilt: Floats = field(default_factory=lambda: np.zeros(3))
+    """Covariance of x and y that a tilt of the load may explain, xx, xy and yy where the object is at angle 0, ..."""
     rival: Floats = field(default_factory=lambda: np.zeros(2))
     """(2,), ... and of x and y, and of theta, that another hypothesis may."""
     origin: Floats = field(default_factory=lambda: np.zeros(2))
@@ -118,12 +118,6 @@ class LocalMap:
     def undecided(self) -> bool:
         """Whether there may be a direction in which no reading shows a motion: only a map shows that there is none."""
         return self.unseen_error > 0.0 and not self.decided
-
-    @property
-    def unseen(self) -> Floats:
-        """(2,), variance of x and y, in pitches^2, and of theta, rad^2, that does not show in the residuals."""
-        found: Floats = self.rival + np.array([self.tilt, 0.0])
-        return found
 
     @property
     def loose_gain_std(self) -> float:

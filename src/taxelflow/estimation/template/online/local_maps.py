@@ -10,15 +10,7 @@ import numpy as np
 from taxelflow.estimation.template.observations import across
 from taxelflow.estimation.template.online.ended import Ended, map_of
 from taxelflow.estimation.template.online.gauge import has_own_frame, hold
-from taxelflow.estimation.template.online.hand import (
-    PadScan,
-    Patterns,
-    Rows,
-    Scan,
-    hand_of,
-    places_of,
-    room_for,
-)
+from taxelflow.estimation.template.online.hand import PadScan, Patterns, Rows, Scan, hand_of, places_of, room_for
 from taxelflow.estimation.template.online.hand_gains import HandGains
 from taxelflow.estimation.template.online.mapping_thread import Learner, Workers
 from taxelflow.estimation.template.online.relocalization import DOUBT
@@ -27,6 +19,7 @@ from taxelflow.estimation.template.online.starting import Begun, FirstScan, begu
 from taxelflow.estimation.template.online.step import FOLLOW, follow_hand
 from taxelflow.estimation.template.online.track_state import KEYFRAMES, Track
 from taxelflow.estimation.template.online.witness import (
+    add_errors,
     anchor,
     find_sure_shift,
     keep_shift,
@@ -207,7 +200,8 @@ class LocalMaps:
         self.gains.put(pad, learned.gains)
         m.turns, m.gain_std = learned.turns, learned.loose_gain_std
         m.changing, m.seen, m.grows = learned.changing, learned.reports_turn, learned.grows or m.grows
-        m.slack, m.slack_t = learned.slack + learned.unseen
+        m.slack, m.slack_t = learned.slack + learned.rival
+        m.tilt[:] = learned.tilt
         m.learned_s = learned.until_s
         self._open_across(pad, learned)
         m.reach, m.undecided = learned.scanned.reach, learned.undecided
@@ -259,14 +253,16 @@ class LocalMaps:
         if old.mature and has_own_frame(m):  # what is known well does not step
             m.broken = max(m.broken, min(m.broken + 0.5 * stepped, most))
         m.wander = min(m.wander, most)
-        m.slack = new.slack[0] + new.unseen[0]
+        m.slack = new.slack[0] + new.rival[0]
         self.go_on(pad)
 
     def _register_again(self, pad: int) -> None:
         m, pitch_m = self.track(pad), self.hand.pitch_m[pad]
         before = m.sure.copy()
         self.follow_again(pad, self._last._replace(t=float(m.last_t)))
-        find_sure_shift(1.0, m, np.linalg.inv(m.doubted + NEGLIGIBLE * np.eye(STATE)) + m.slack * np.eye(STATE))
+        cov = np.asarray(np.linalg.inv(m.doubted + NEGLIGIBLE * np.eye(STATE)), np.float64)
+        add_errors(1.0, m, cov)
+        find_sure_shift(1.0, m, cov)
         m.before_centre[:2] += pitch_m * (before - m.sure)
         turn = state_of(m.state).theta - m.theta_0 if m.seen else np.nan
         m.before[:] = *(pitch_m * reported_place(m, m.state)), turn

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from taxelflow.estimation.template.bundle_adjustment import covariance_of, linearised
+from taxelflow.estimation.template.bundle_adjustment import linearised
 from taxelflow.estimation.template.centre_of_pressure import anchor_of
 from taxelflow.estimation.template.contact_solver import solve_contact
 from taxelflow.estimation.template.deforming import ODOMETRY
@@ -22,9 +22,10 @@ from taxelflow.estimation.template.online.gauge import align_gauge, turn_of_fram
 from taxelflow.estimation.template.online.keyframes import Keyframes
 from taxelflow.estimation.template.online.local_map import SLACK, LocalMap
 from taxelflow.estimation.template.online.track_state import KEYFRAMES
-from taxelflow.estimation.template.tilt import without_tilt
+from taxelflow.estimation.template.tilt import shift_by_tilt
 from taxelflow.numerics.blas import on_one_core
 from taxelflow.numerics.bspline import states_of
+from taxelflow.numerics.geometry import rotation
 from taxelflow.numerics.robust import GATE, gate
 from taxelflow.numerics.rounding import LINEAR_RAD
 
@@ -126,15 +127,17 @@ def _anchor(known: LocalMap, gains: Floats, best: Solved) -> Anchor | None:
     return anchor_of(best, read, known.unseen_error, known.anchor)
 
 
-def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> float:
-    """Variance of x and y, in pitches^2, that a tilt of the load adds in the last keyframes."""
+def _tilt(best: Solved, scanned: Scanned, tilt_std: float) -> Floats:
+    """Covariance of a place by a tilt of the load, as xx, xy and yy in pitches^2, where the object is at angle 0: mean
+    of the last keyframes.
+    """
     last = slice(-ODOMETRY.memory, None)
     states, error, own = best.states[last], max(best.error, tilt_std), scanned.taken(last)
     precision = state_precision(best, own)
     information = linearised(best.pattern, own, states, error, precision).normal.blocks
-    tilted, _ = without_tilt(information, best.pattern, own, states, error, tilt_std)
-    more = covariance_of(tilted) - covariance_of(information)
-    return float(np.clip(np.median(0.5 * (more[:, 0, 0] + more[:, 1, 1])), 0.0, SLACK.most[0]))
+    shifts, turns = shift_by_tilt(information, best.pattern, own, states, error, tilt_std), rotation(states[:, 2])
+    in_body: Floats = (turns.transpose(0, 2, 1) @ shifts @ turns).mean(axis=0)
+    return in_body[[0, 0, 1], [0, 1, 1]]
 
 
 def _without_strangers(new: LocalMap, best: Solved) -> LocalMap:

@@ -10,6 +10,7 @@ from taxelflow.estimation.template.online.explained import UNEXPLAINED, fits
 from taxelflow.estimation.template.online.hand import POSE, SPAN, STEP, Room, Rows
 from taxelflow.estimation.template.online.track_state import FAINT, GONE, KEYFRAMES, NOTHING, NOVEL, Track
 from taxelflow.estimation.template.online.witness import (
+    add_errors,
     add_weighted,
     find_centre,
     find_sure_shift,
@@ -70,7 +71,7 @@ def report(t: float, k: int, pad: int, scale: float, floor: float, m: Track, roo
     find_sure_shift(scale, m, cov)
     find_centre(scale, m, centre)
     if floor > 0.0 and not in_line:
-        weigh_pose(scale, m, centre, pose, cov, weight)
+        weigh_pose(scale, floor, m, centre, pose, cov, weight)
     _add_step((m.broken + m.wander) * scale * scale, weight, cov)
     alone = m.keyframes == 1 and not m.continues  # with a pattern of one scan, which only that one has fitted
     moved = _displacement(t, k, pad, m, noise, centre, weight, rows) / scale
@@ -133,13 +134,13 @@ def _add_step(variance: float, weight: Floats, cov: Floats) -> None:
 
 @lean_kernel
 def _widen(m: Track, scale: float, cov: Floats, noise: Floats) -> bool:
-    """Add what the pattern's errors add to cov (3, 3); whether a place is open across a line of taxels."""
+    """Add what the pattern's errors and a tilt add to cov (3, 3); whether a place is open across a line of taxels."""
     in_line = False
     for a in range(2):
         if m.across[a] > 0.0:
             in_line = True
             cov[a, a] = noise[a, a] = (m.across[a] * scale) ** 2
-        cov[a, a] += m.slack * scale * scale
+    add_errors(scale, m, cov)
     return in_line
 
 

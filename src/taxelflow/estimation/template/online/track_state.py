@@ -128,6 +128,8 @@ class Track:
     slack: float
     slack_t: float
     """Variance of x and y, and of theta, from errors of the pattern."""
+    tilt: Annotated[Floats, 3]
+    """See `LocalMap`."""
     broken: float
     """Variance of x and y since the contact began, where it was lost."""
     wander: float

@@ -12,7 +12,7 @@ from taxelflow.estimation.template.online.track_state import KEYFRAMES, Track
 from taxelflow.estimation.template.two_witnesses import combine, surely, transformed
 from taxelflow.messages import Floats
 from taxelflow.numerics.bspline import state_of, states_of
-from taxelflow.numerics.centroid import loaded_centroid, pressure_centre
+from taxelflow.numerics.centroid import eccentricity_variance, loaded_centroid, pressure_centre
 from taxelflow.numerics.cut import HIDDEN
 from taxelflow.numerics.geometry import turned
 from taxelflow.numerics.rounding import NEGLIGIBLE
@@ -136,6 +136,19 @@ def find_shift(floor: float, m: Track) -> None:
 
 
 @lean_kernel
+def add_errors(scale: float, m: Track, cov: Floats) -> None:
+    """Add to cov (2 or more, ...) of a place on the map what errors of the pattern and a tilt of the load add.
+
+    scale: of a pitch.
+    """
+    angle, unit = m.state[2], scale * scale
+    cos, sin = np.cos(angle), np.sin(angle)
+    xx, xy, yy = transformed(cos, -sin, sin, cos, (m.tilt[0], m.tilt[1], m.tilt[2]))
+    cov[0, 0], cov[1, 1] = cov[0, 0] + unit * (m.slack + xx), cov[1, 1] + unit * (m.slack + yy)
+    cov[0, 1], cov[1, 0] = cov[0, 1] + unit * xy, cov[1, 0] + unit * xy
+
+
+@lean_kernel
 def find_sure_shift(scale: float, m: Track, cov: Floats) -> None:
     """Make m.sure what of m.shift counts, see `surely`. scale: of a pitch, m. cov: (3, 3), of the pose on the map."""
     own, unit = m.centroid_covariance, 1.0 / (scale * scale)
@@ -185,7 +198,7 @@ def find_centre(scale: float, m: Track, centre: Floats) -> None:
 
 
 @lean_kernel
-def weigh_pose(scale: float, m: Track, centre: Floats, pose: Floats, cov: Floats, weight: Floats) -> None:
+def weigh_pose(scale: float, floor: float, m: Track, centre: Floats, pose: Floats, cov: Floats, weight: Floats) -> None:
     """Fill weight (2, 2), W, and make cov (3, 3) of a pose (3,) on its map that of both witnesses. centre: (5,)."""
     if m.load <= 0.0:
         return
@@ -194,7 +207,8 @@ def weigh_pose(scale: float, m: Track, centre: Floats, pose: Floats, cov: Floats
     dx, dy = m.sure[0], m.sure[1]
     xx, xy, yy = own[0] + own[3] + dx * dx, own[1] + own[4] + dx * dy, own[2] + own[5] + dy * dy
     xx, xy, yy = unit * xx, unit * xy, unit * yy
-    common = unit * (own[6] + dx * dx) + cut, unit * (own[7] + dx * dy), unit * (own[8] + dy * dy) + cut
+    tilt = eccentricity_variance(floor, 0.5 * (own[6] + own[8]))
+    common = unit * (tilt + dx * dx) + cut, unit * dx * dy, unit * (tilt + dy * dy) + cut
     apart, is_cut = (centre[0] - pose[0], centre[1] - pose[1]), dx * dx + dy * dy > 0.0
     combine(cov, (xx + cut, xy, yy + cut), common, apart, is_cut, weight)
 
