@@ -47,7 +47,7 @@ def informed(bumps: Bumps, radius: float, tilt_std: float, spikes: tuple[int, ..
     scanned, pattern = learned(bumps, radius)
     scanned.readings[:, list(spikes)] *= 3.0
     information = linearised(pattern, scanned, STILL, 0.01, PRECISION).normal.blocks
-    own, _ = without_tilt(information, pattern, scanned, STILL, 0.01, tilt_std)
+    own, _, _ = without_tilt(information, pattern, scanned, STILL, 0.01, tilt_std)
     return information[0], own[0]
 
 
@@ -59,7 +59,7 @@ def tilted(bumps: Bumps, radius: float, share: float) -> tuple[float, float]:
     scanned.readings[:] *= 1.0 + share * scanned.places[0]
     states = refined_places(pattern, scanned)
     information = linearised(pattern, scanned, states, 0.05, PRECISION).normal.blocks
-    _, step = without_tilt(information, pattern, scanned, states, 0.05, 0.05)
+    _, step, _ = without_tilt(information, pattern, scanned, states, 0.05, 0.05)
     return float(states[0, 0]), float(states[0, 0] + step[0, 0])
 
 
@@ -112,9 +112,10 @@ def test_no_more_is_eliminated_than_outliers_have_shown() -> None:
 
 def test_without_tilt_nothing_changes() -> None:
     information = np.eye(5)[np.newaxis]
-    own, step = without_tilt(information, None, None, np.ones((1, 5)), 0.05, 0.0)  # type: ignore[arg-type]
+    own, step, shift = without_tilt(information, None, None, np.ones((1, 5)), 0.05, 0.0)  # type: ignore[arg-type]
     np.testing.assert_array_equal(own, information)
     assert not step.any()
+    assert not shift.any()
 
 
 BAR = tuple((x, 0.0, 1.0) for x in np.linspace(-4.0, 4.0, 17))

@@ -79,21 +79,22 @@ def _on_one_map(solved: Solved, scanned: Scanned, pitch_m: float, unseen_error: 
     precision = state_precision(solved, scanned)
     whole, level = with_depth(solved.states, solved.depth), scanned.amplitude if solved.heights else 0.0
 
-    def information(error: float) -> tuple[Floats, Floats, Floats | None]:
-        """(scans, 5, 5), of the states, blurred by errors of the readings, without the tilt; the step by it; and the
-        map's part of the covariance, None where unseen errors outweigh it.
+    def information(error: float) -> tuple[Floats, Floats, Floats, Floats | None]:
+        """(scans, 5, 5), of the states, blurred by errors of the readings, without the tilt; the step and the shift by
+        it; and the map's part of the covariance, None where unseen errors outweigh it.
         """
         linear = linearised(solved.pattern, scanned, whole, error, precision, level)
-        own, step = without_tilt(linear.normal.blocks, solved.pattern, scanned, solved.states, error, unseen_error)
-        return own, step, None if unseen_error else of_map(linear, precision)
+        blocks, states = linear.normal.blocks, solved.states
+        own, step, shift = without_tilt(blocks, solved.pattern, scanned, states, error, unseen_error)
+        return own, step, shift, None if unseen_error else of_map(linear, precision)
 
-    blurred, step, by_map = information(max(solved.error, unseen_error))
+    blurred, step, shift, by_map = information(max(solved.error, unseen_error))
     poses = _bridged(poses_of(replace(solved, states=solved.states + step), scanned, blurred, pitch_m), scanned)
     if by_map is None:
         if whole_contact:
             sharp = blurred if solved.error >= unseen_error else information(solved.error)[0]
             poses = poses.with_noise(sharp, solved, scanned, pitch_m)
-        poses = poses.doubted(solved.rival, pitch_m)
+        poses = poses.shifted(shift, pitch_m).doubted(solved.rival, pitch_m)
     elif by_map.any():
         poses = poses.with_map(by_map, solved, scanned, pitch_m)
     return poses.doubted(solved.growth, pitch_m)

@@ -82,6 +82,12 @@ class Poses:
         shared[:, :2, :2] = (pitch_m * scanned.reach) ** 2 * np.outer(direction, direction)
         return self._sharing(shared, pitch_m)
 
+    def shifted(self, shift: Floats, pitch_m: float) -> Poses:
+        """With a covariance (scans, 2, 2) of places, in pitches^2, by a load that hardly changes from scan to scan."""
+        shared = np.zeros_like(self.covariance)
+        shared[:, :2, :2] = pitch_m**2 * shift
+        return self._sharing(shared, pitch_m)
+
     def doubted(self, rival: Floats, pitch_m: float) -> Poses:
         """With the distance (scans, 3), in pitches and rad, of a hypothesis that explains nearly as much in the
         covariance.

@@ -7,12 +7,16 @@ skin the pressure changes by a plane, too, on a softer one in proportion to itse
     y = g (q + q l . M^-1 d),    y = g (q + m l' . P^-1 d),    q = q(u),
 
 with the places l and l' about the centre of the pressure and of the contact, the second moments M and P of both, and
-the mean pressure m of the contact. d is an unknown of each scan with a zero-mean prior, alike in every direction: a
-moment knows nothing of the contact's shape, and a narrow contact, which cannot hold it, rolls.
+the mean pressure m of the contact. For a paraboloid, tilt and shift cannot be separated; for a pattern with edges they
+can.
 
-For a paraboloid, tilt and shift cannot be separated; for a pattern with edges they can. A batch eliminates d (Schur
-complement): the covariance of the pose contains its effect, and what it explains of the residuals moves the pose. A
-stream registers its scans without: the error of its places is what such a fit makes of d.
+**Pose.** A batch has d as an unknown of each scan, for both changes, and eliminates it (Schur complement): what it
+explains of the residuals moves the pose. Its prior is narrow, e^2 M and e^2 P with the sensor's unseen error e: beyond,
+a contact lifts off, and no change in proportion to d describes it. A stream registers its scans without.
+
+**Covariance.** A moment knows nothing of the contact's shape: a narrow contact, which cannot hold it, rolls. So the
+load acts beside the middle by more, alike in every direction, see `eccentricity_variance`. The covariance holds what
+the fit of the pose makes of such a d, by one change or the other.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from taxelflow.estimation.template.normal_equations import FIT_HUBER
 from taxelflow.numerics.bspline import STATE, state_of
@@ -41,44 +46,53 @@ _STEP_PRIOR = np.eye(STATE)
 
 class _Tilts(NamedTuple):
     """What scan k knows of its tilts. information: (4, 4), on d by both changes. shared: (5, 4), with the state.
-    right: (4,), of the residuals. variance: of each part of d, pitches^2.
+    right: (4,), of the residuals. moments: (2, 2, 2), pitches^2, M and P. variance: of each part of d, pitches^2.
     """
 
     k: int
     information: Floats
     shared: Floats
     right: Floats
+    moments: Floats
     variance: float
 
 
 def without_tilt(
     information: Floats, pattern: Pattern, scanned: Scanned, states: Floats, error: float, tilt_std: float
-) -> tuple[Floats, Floats]:
-    """Information (scans, 5, 5) of the states with the tilt of each scan eliminated, and the step (scans, 5) to the
-    states that are best with it, from those that are best without.
+) -> tuple[Floats, Floats, Floats]:
+    """Information (scans, 5, 5) of the states with the tilt of each scan eliminated, the step (scans, 5) to the states
+    that are best with it, from those that are best without, and the covariance (scans, 2, 2) of their places by an
+    eccentric load, pitches^2.
 
-    error: see `Scanned.with_error`. tilt_std: see `eccentricity_variance`; with 0 nothing changes.
+    error: see `Scanned.with_error`. tilt_std: the sensor's unseen error; with 0 nothing changes.
     """
-    step, own = np.zeros_like(states), information.copy()
+    step, own, shift = np.zeros_like(states), information.copy(), np.zeros((len(states), 2, 2))
     for one in _tilts(information, pattern, scanned, states, error, tilt_std):
-        k, columns = one.k, np.column_stack([one.shared.T, one.right])
-        by_tilt = np.linalg.solve(one.information + np.eye(4) / one.variance, columns)
-        own[k] -= one.shared @ by_tilt[:, :-1]
-        step[k] = np.linalg.solve(own[k] + _STEP_PRIOR, -one.shared @ by_tilt[:, -1])
-    return own, step
+        k, prior = one.k, block_diag(*np.linalg.inv(tilt_std**2 * one.moments))
+        by_tilt = np.linalg.solve(one.information + prior, np.column_stack([one.shared.T, one.right, prior]))
+        own[k] -= one.shared @ by_tilt[:, :STATE]
+        step[k] = np.linalg.solve(own[k] + _STEP_PRIOR, -one.shared @ by_tilt[:, STATE])
+        shift[k] = _moved(own[k], one.shared @ by_tilt[:, STATE + 1 :], one.variance)
+    return own, step, shift
 
 
 def shift_by_tilt(
     information: Floats, pattern: Pattern, scanned: Scanned, states: Floats, error: float, tilt_std: float
 ) -> Floats:
-    """Covariance (scans, 2, 2) of the places, pitches^2, by a tilt of which their fit knows nothing, mean of both
-    changes of the pressure. Arguments as for `without_tilt`.
-    """
-    found = np.zeros((len(states), 2, 2))
+    """The same covariance (scans, 2, 2) of places whose fit knows no tilt. Arguments as for `without_tilt`."""
+    shift = np.zeros((len(states), 2, 2))
     for one in _tilts(information, pattern, scanned, states, error, tilt_std):
-        moved = np.linalg.solve(information[one.k] + NEGLIGIBLE * np.eye(STATE), one.shared)[:2]
-        found[one.k] = 0.5 * one.variance * moved @ moved.T
-    return found
+        shift[one.k] = _moved(information[one.k], one.shared, one.variance)
+    return shift
+
+
+def _moved(information: Floats, shared: Floats, variance: float) -> Floats:
+    """Covariance (2, 2) of a place by d, mean of both changes of the pressure. shared: (5, 4), what a fit with this
+    information (5, 5) shares with d.
+    """
+    moved = np.linalg.solve(information + NEGLIGIBLE * np.eye(STATE), shared)[:2]
+    covariance: Floats = 0.5 * variance * moved @ moved.T
+    return covariance
 
 
 def _tilts(
@@ -96,7 +110,7 @@ def _tilts(
             continue
         gain = state_of(state).gain
         jacobian = np.column_stack([gain * values[seen, 1:4], q[seen], gain * values[seen, 4]])
-        modes, moment = _modes(scanned.places[:, seen], q[seen])
+        modes, moments = _modes(scanned.places[:, seen], q[seen])
         variance = readings.variance[k, seen]
         left = scanned.readings[k, seen] - gain * q[seen]
         off = np.abs(left) / np.sqrt(variance)
@@ -106,13 +120,13 @@ def _tilts(
         shared = jacobian.T @ weighted
         held = information[k].any(axis=1) & (np.count_nonzero(information[k], axis=1) == 1)
         shared[held] = 0.0
-        prior = eccentricity_variance(tilt_std, 0.5 * float(np.trace(moment)))
-        yield _Tilts(k, modes.T @ weighted, shared, left @ weighted, prior)
+        eccentric = eccentricity_variance(tilt_std, 0.5 * float(np.trace(moments[0])))
+        yield _Tilts(k, modes.T @ weighted, shared, left @ weighted, moments, eccentric)
 
 
 def _modes(places: Floats, pressure: Floats) -> tuple[Floats, Floats]:
     """(taxels, 4), changes of a pressure (taxels,) at places (2, taxels), pitches, by d above, in proportion to itself
-    and by a plane; second moment (2, 2) of the pressure.
+    and by a plane; second moments (2, 2, 2) of the pressure and of the contact.
     """
     even = np.where(pressure > LOADED.skirt * pressure.max(), 1.0, 0.0)
     moments, changes = [], []
@@ -121,4 +135,4 @@ def _modes(places: Floats, pressure: Floats) -> tuple[Floats, Floats]:
         off = places - (places @ share)[:, np.newaxis]
         moments.append((off * share) @ off.T + _LEAST_RADIUS**2 * np.eye(2))
         changes.append(weight[:, np.newaxis] * np.linalg.solve(moments[-1], off).T)
-    return np.concatenate(changes, axis=1), moments[0]
+    return np.concatenate(changes, axis=1), np.stack(moments)
