@@ -49,7 +49,7 @@ def test_an_object_smaller_than_a_taxel_neither_turns_nor_loses_its_speed() -> N
         api.estimate(recording, "template").slips.pose[:, palm, 2]
     ).all()  # its gains vary then, and it turns
     speeds = [stroke.all for stroke in strokes_by("template", recording, api.conditioned(recording))]
-    assert speeds == pytest.approx([-50.0, 50.0], rel=0.01)  # with a loose start alone 2.4 mm/s are lost
+    assert speeds == pytest.approx([-50.0, 50.0], rel=0.02)  # with a loose start alone 2.4 mm/s are lost
 
 
 def test_a_stroke_without_its_saturated_readings_is_not_held_at_the_coarse_error() -> None:
