@@ -130,8 +130,8 @@ def test_slips_are_carried(seed: int, textured: bool) -> None:
     formed = rng.random(slips.contact.shape) < 0.7
     carried, *spread = Carrier(home).step(slips, point, formed, texture)
     for k, one in enumerate(scan_by_scan(slips)):
-        told = cut(texture, k, k + 1) if texture is not None else None
-        own, *own_spread = Carrier(home).step(one, point[k : k + 1], formed[k : k + 1], told)
+        own_texture = cut(texture, k, k + 1) if texture is not None else None
+        own, *own_spread = Carrier(home).step(one, point[k : k + 1], formed[k : k + 1], own_texture)
         for whole, part in zip([*carried, *spread], [*own, *own_spread], strict=True):
             assert equal(whole[k : k + 1], part)
 
